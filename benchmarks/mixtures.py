@@ -28,7 +28,7 @@ from dataclasses import dataclass  # noqa: E402
 import numpy as np  # noqa: E402
 
 from benchmarks.rows import tell  # noqa: E402
-from dart_skill.experiments.studies.peers import pbdlib_mixture  # noqa: E402
+from dart_skill.experiments.studies.published_sets import pbdlib_mixture  # noqa: E402
 from dart_skill.mixture import GaussianMixture, regress  # noqa: E402
 from dart_skill.movement import TaskFrame, TaskParameterisedMixture  # noqa: E402
 

@@ -184,12 +184,12 @@ def _spread(options: argparse.Namespace) -> Spread | None:
 
 def _heatmap(options: argparse.Namespace) -> int:
     from dart_skill.darts import best_aim, heat_map
-    from dart_skill.figures import draw_heat_map
+    from dart_skill.figures import heat_map_figure, save
 
     spread = _spread(options)
     assert spread is not None  # the parser asks for one
     best = best_aim(spread)
-    paths = draw_heat_map(spread, options.output, spacing=options.spacing)
+    paths = save(heat_map_figure(spread, options.spacing), options.output, "heat_map")
     if options.csv:
         _write_csv(heat_map(spread, options.spacing), options.csv)
     result = {
@@ -228,9 +228,9 @@ def _aim(options: argparse.Namespace) -> int:
     optima = local_optima(spread)
     paths: list[str] = []
     if options.output is not None:
-        from dart_skill.figures import draw_heat_map
+        from dart_skill.figures import heat_map_figure, save
 
-        paths = _texts(draw_heat_map(spread, options.output, "aim"))
+        paths = _texts(save(heat_map_figure(spread), options.output, "aim"))
     result = {
         **_spread_fields(spread),
         **_aim_fields(optima[0]),
@@ -260,9 +260,9 @@ def _aim_over(options: argparse.Namespace) -> int:
     path = optimum_path(options.lowest, options.highest, shape)
     paths: list[str] = []
     if options.output is not None:
-        from dart_skill.figures import draw_path
+        from dart_skill.figures import path_figure, save
 
-        paths = _texts(draw_path(path, options.output))
+        paths = _texts(save(path_figure(path), options.output, "best_aim_over_sigma"))
     jumps = [
         {
             "sigma_mm": jump.sigma,
@@ -313,9 +313,9 @@ def _estimate(options: argparse.Namespace) -> int:
     )
     paths: list[str] = []
     if options.output is not None:
-        from dart_skill.figures import draw_estimate
+        from dart_skill.figures import estimate_figure, save
 
-        paths = _texts(draw_estimate(estimate, best, options.output))
+        paths = _texts(save(estimate_figure(estimate, best), options.output, "estimate"))
     result = {
         **_spread_fields(estimate.spread),
         "ci95_mm": [_finite_or_none(end) for end in interval],
@@ -382,9 +382,9 @@ def _leg(options: argparse.Namespace) -> int:
     rows = [_state_fields(policy, chances, *state) for state in states]
     paths: list[str] = []
     if options.output is not None:
-        from dart_skill.figures import draw_leg
+        from dart_skill.figures import leg_figure, save
 
-        paths = _texts(draw_leg(policy, options.output))
+        paths = _texts(save(leg_figure(policy), options.output, "leg"))
     summary = {
         "start": policy.start,
         "objective": policy.objective,

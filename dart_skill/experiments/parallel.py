@@ -11,38 +11,28 @@ import multiprocessing
 import os
 import signal
 import threading
-import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
-from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
-DEAF = "dart_skill.experiments._deaf_to_ctrl_c"
-"""A process that imports this module ignores Ctrl-C, and so do the processes that it makes."""
-ORPHANED = 1.0
-"""Time between two looks of a worker whether its parent still runs [s]."""
-
 
 def all_of(
-    function: Callable, seeds: Sequence[int], jobs: int = 1, scheduler: str = ""
+    function: Callable, seeds: Sequence, jobs: int = 1, scheduler: str = "", **options: Any
 ) -> list[Any]:
-    """What function(seed) lists for every seed, in their order, `jobs` processes at a time; a
-    progress bar where stderr is a terminal.
+    """What function(seed, **options) lists for every seed, in their order, `jobs` processes at a
+    time; a progress bar where stderr is a terminal.
 
     Parameters
     ----------
-    scheduler
+    jobs, scheduler
         As in `run_all`.
     """
-    parts = dict(
-        tqdm(
-            run_all(function, seeds, jobs, scheduler), total=len(seeds), unit="seed", disable=None
-        )
-    )
+    done = run_all(partial(function, **options), seeds, jobs, scheduler)
+    parts = dict(tqdm(done, total=len(seeds), unit="seed", disable=None))
     return [one for index in range(len(seeds)) for one in parts[index]]
 
 
@@ -68,13 +58,16 @@ def run_all(
     if jobs <= 1:
         yield from ((index, function(task)) for index, task in enumerate(tasks))
         return
-    with ProcessPoolExecutor(
-        jobs, mp_context=_workers(function), initializer=_end_with_parent
-    ) as pool:
-        try:  # from the first task on: workers are being started then
-            # or a worker that was just asked for is not known, and not ended
-            with _signals_held_back():
-                futures = {pool.submit(function, task): index for index, task in enumerate(tasks)}
+    # Workers are never copies of this process, which may have threads, or nodes of ROS, that a
+    # copy would end again.
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([getattr(function, "func", function).__module__])
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with_parent) as pool:
+        # Workers inherit that Ctrl-C is blocked: this process ends them.
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            futures = {pool.submit(function, task): index for index, task in enumerate(tasks)}
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
             for future in as_completed(futures):
                 yield futures[future], future.result()
         except (KeyboardInterrupt, SystemExit, GeneratorExit):
@@ -83,49 +76,20 @@ def run_all(
                 worker.terminate()
             raise
         finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
             pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _end_with_parent() -> None:
     """From now on this process ends when its parent does."""
 
-    def watch(parent: int = os.getppid()) -> None:
-        while os.getppid() == parent:
-            time.sleep(ORPHANED)
+    def wait() -> None:
+        parent = multiprocessing.parent_process()
+        assert parent is not None  # as of every worker
+        parent.join()
         os._exit(1)
 
-    threading.Thread(target=watch, daemon=True).start()
-
-
-def _workers(function: Callable) -> multiprocessing.context.BaseContext:
-    """How processes are made: never as copies of this one. Who asks may have threads, or nodes of
-    ROS, which a copy would end again.
-    """
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([getattr(function, "func", function).__module__, DEAF])
-    return context
-
-
-@contextmanager
-def _signals_held_back() -> Iterator[None]:
-    """Ctrl-C and SIGTERM that come meanwhile come afterwards. In other threads than the main one,
-    which hears them, nothing is held.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came: list[int] = []
-    before = {
-        number: signal.signal(number, lambda number, _: came.append(number))
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, signal.SIG_DFL if handler is None else handler)
-    for late in came:
-        signal.raise_signal(late)
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def _on_dask(function: Callable, tasks: Sequence, scheduler: str) -> Iterator[tuple[int, Any]]:
@@ -149,44 +113,43 @@ def _on_dask(function: Callable, tasks: Sequence, scheduler: str) -> Iterator[tu
 
 
 def run_tasks(
-    run: Callable,
-    tasks: Sequence,
-    run_type: type,
+    run: Callable[[dict], dict],
+    tasks: Sequence[dict],
     results: Path | None = None,
     jobs: int = 0,
     scheduler: str = "",
-) -> list:
+) -> list[dict]:
     """run(task) of every task once; those that stand in the file of results already are not run
     again, and each new one is added to it at once.
-
-    A task and its run are frozen dataclasses of numbers, words, and tuples of them; run.task is
-    the task.
 
     Parameters
     ----------
     run
-        A function of a task, which returns its run.
+        A function of a task, which returns its run with the task as `task`. Both are dicts of
+        numbers, words, and lists of them.
     tasks
         In the order of the result.
     results
         The file, a JSON object a line.
     """
-    known: dict[Any, Any] = {}
-    if tasks and results and results.exists():
-        _drop_unfinished_line(results)
-        known = {one.task: one for one in read_runs(results, run_type, type(tasks[0]))}
-    missing = [task for task in dict.fromkeys(tasks) if task not in known]
-    for _, one in tqdm(
-        run_all(run, missing, jobs, scheduler), total=len(missing), unit="run", disable=None
-    ):
-        known[one.task] = one
+    known: dict[str, dict] = {}
+    if results and results.exists():
+        # What a run that was killed while it wrote has left behind would spoil the next line.
+        text = results.read_bytes()
+        if not text.endswith(b"\n"):
+            results.write_bytes(text[: text.rfind(b"\n") + 1])
+        known = {_key(one["task"]): one for one in read_runs(results)}
+    missing = {_key(task): task for task in tasks if _key(task) not in known}
+    done = run_all(run, list(missing.values()), jobs, scheduler)
+    for _, one in tqdm(done, total=len(missing), unit="run", disable=None):
+        known[_key(one["task"])] = one
         if results:
             with results.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(_plain(asdict(one)), allow_nan=False) + "\n")
-    return [known[task] for task in tasks]
+                file.write(json.dumps(_nan_as_null(one), allow_nan=False) + "\n")
+    return [known[_key(task)] for task in tasks]
 
 
-def read_runs(results: Path, run_type: type, task_type: type) -> list:
+def read_runs(results: Path) -> list[dict]:
     """Runs of a file of `run_tasks`.
 
     Raises
@@ -194,43 +157,36 @@ def read_runs(results: Path, run_type: type, task_type: type) -> list:
     ValueError
         Names a line that is not one.
     """
-    lines = results.read_text(encoding="utf-8").splitlines()
-    return [
-        _parsed(line, run_type, task_type, f"line {number} of {results}")
-        for number, line in enumerate(lines, start=1)
-    ]
+    runs = []
+    for number, line in enumerate(results.read_text(encoding="utf-8").splitlines(), start=1):
+        try:
+            row = json.loads(line)
+            runs.append({**_null_as_nan(row), "task": {**row["task"]}})
+        except (ValueError, TypeError, KeyError) as error:
+            raise ValueError(
+                f"line {number} of {results} is not a run ({error}): move the file away, or"
+                " remove the line"
+            ) from error
+    return runs
 
 
-def _parsed(line: str, run_type: type, task_type: type, where: str) -> Any:
-    try:
-        row = json.loads(line)
-        task = task_type(**{name: _tuples(value) for name, value in row["task"].items()})
-        return run_type(**{**{name: _tuples(value) for name, value in row.items()}, "task": task})
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise ValueError(
-            f"{where} is not a run ({error}): move the file away, or remove the line"
-        ) from error
+def _key(task: dict) -> str:
+    return json.dumps(task, sort_keys=True)
 
 
-def _drop_unfinished_line(results: Path) -> None:
-    """What a run that was killed while it wrote has left behind would spoil the next line."""
-    text = results.read_bytes()
-    if not text.endswith(b"\n"):
-        results.write_bytes(text[: text.rfind(b"\n") + 1])
-
-
-def _plain(value: Any) -> Any:
-    """JSON knows no NaN: null inside of a list."""
+def _nan_as_null(value: Any) -> Any:
+    """JSON knows no NaN: it is null inside of a list."""
     if isinstance(value, dict):
-        return {name: _plain(part) for name, part in value.items()}
+        return {name: _nan_as_null(part) for name, part in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
+        return [_nan_as_null(part) for part in value]
     return None if isinstance(value, float) and math.isnan(value) else value
 
 
-def _tuples(value: Any) -> Any:
-    return (
-        tuple(math.nan if part is None else _tuples(part) for part in value)
-        if isinstance(value, list)
-        else value
-    )
+def _null_as_nan(value: Any, within: bool = False) -> Any:
+    """The inverse of `_nan_as_null`."""
+    if isinstance(value, dict):
+        return {name: _null_as_nan(part) for name, part in value.items()}
+    if isinstance(value, list):
+        return [_null_as_nan(part, True) for part in value]
+    return math.nan if value is None and within else value

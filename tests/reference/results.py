@@ -135,12 +135,13 @@ def practice_of(seed: int) -> dict:
     """Own throws that are learned from, with each of THROWERS: their errors, and those of test
     throws afterwards.
     """
-    task = practice.PracticeTask(
-        seed, "both", demonstrations=3, throws=4, tested_after=(4,), tests=2
-    )
-    done = {name: practice.run(replace(task, configuration=name)) for name in THROWERS}
+    much = {"demonstrations": 3, "throws": 4, "tested_after": [4], "tests": 2}
+    tasks = {
+        name: practice.practice_task(seed, configuration=name, **much) for name in THROWERS
+    }
+    done = {name: practice.run(task) for name, task in tasks.items()}
     return {
-        name: {"errors": exact(one.errors), "test_errors": exact(one.test_errors)}
+        name: {"errors": exact(one["errors"]), "test_errors": exact(one["test_errors"])}
         for name, one in done.items()
     }
 

@@ -57,24 +57,24 @@ def add_throws(experiments: argparse._SubParsersAction) -> None:
 
 def _throws(options: argparse.Namespace) -> int:
     from dart_skill.common.fleet import arm_with
+    from dart_skill.experiments.parallel import all_of
     from dart_skill.experiments.studies import throws
-    from dart_skill.experiments.studies.throws import arm_of
     from dart_skill.skills.learning import LADDER, configuration
 
     asked = options.configurations.replace("ladder", ",".join(("thesis", *LADDER)))
     names = tuple(configuration(name).name for name in asked.split(","))
-    arm_with(arm_of(options.arms, options.first_seed), options.set)
-    seeds = list(range(options.first_seed, options.first_seed + options.seeds))
+    arm_with(throws.arm_of(options.arms, options.first_seed), options.set)
     settings = tuple(options.set)
-    results = throws.run(
-        seeds,
-        names,
+    results = all_of(
+        throws.run_seed,
+        range(options.first_seed, options.first_seed + options.seeds),
         options.jobs,
-        options.demonstrations,
-        options.throws,
-        options.arms,
-        settings,
-        scheduler=options.scheduler,
+        options.scheduler,
+        names=names,
+        demonstrations=options.demonstrations,
+        throws=options.throws,
+        arms=options.arms,
+        settings=settings,
     )
     best = throws.best_possible(results, settings) if options.best_possible else None
     if options.json:
@@ -126,7 +126,7 @@ def add_basket(experiments: argparse._SubParsersAction) -> None:
         "--figure",
         metavar="FOLDER",
         type=Path,
-        help="write a map per model, and the curve over several numbers, there",
+        help="write a map per model there",
     )
     add_json(parser)
     parser.set_defaults(run=_basket)
@@ -134,21 +134,19 @@ def add_basket(experiments: argparse._SubParsersAction) -> None:
 
 def _basket(options: argparse.Namespace) -> int:
     from dart_skill.experiments.parallel import run_tasks
-    from dart_skill.experiments.studies.basket import BasketRun, BasketTask, run, summarise, table
+    from dart_skill.experiments.studies import basket
 
-    models = tuple(options.models.split(","))
-    numbers = [int(number) for number in options.demonstrations.split(",")]
     tasks = [
-        BasketTask(seed, models, number, options.throws)
-        for number in numbers
+        basket.basket_task(seed, options.models.split(","), int(number), options.throws)
+        for number in options.demonstrations.split(",")
         for seed in range(options.seeds)
     ]
-    results = run_tasks(run, tasks, BasketRun, options.results, options.jobs, options.scheduler)
-    print(json.dumps(summarise(results), indent=1) if options.json else table(results))
-    if options.figure:
-        from dart_skill.experiments.studies.basket_maps import draw_basket
-
-        print(*draw_basket(results, options.figure), sep="\n", file=sys.stderr)
+    results = run_tasks(basket.run, tasks, options.results, options.jobs, options.scheduler)
+    print(
+        json.dumps(basket.summarise(results), indent=1) if options.json else basket.table(results)
+    )
+    for kind in basket.kinds_of(results) if options.figure else ():
+        print(*basket.draw_map(results, *kind, options.figure), sep="\n", file=sys.stderr)
     return 0
 
 
@@ -199,18 +197,6 @@ def add_practice(experiments: argparse._SubParsersAction) -> None:
     add_arms(parser)
     add_configuration(parser, "default")
     add_batch(parser)
-    parser.add_argument(
-        "--figure",
-        metavar="FOLDER",
-        type=Path,
-        help="write error and success against own throws there",
-    )
-    parser.add_argument(
-        "--floor",
-        type=float,
-        metavar="CM",
-        help="median error that `repeatability` leaves: a line in the figure [cm]",
-    )
     add_json(parser)
     parser.set_defaults(run=_practice)
 
@@ -218,16 +204,9 @@ def add_practice(experiments: argparse._SubParsersAction) -> None:
 def _practice(options: argparse.Namespace) -> int:
     from dart_skill.common.fleet import arm_named
     from dart_skill.experiments.parallel import run_tasks
-    from dart_skill.experiments.studies.practice import (
-        PracticeRun,
-        PracticeTask,
-        run,
-        summarise,
-        table,
-    )
+    from dart_skill.experiments.studies import practice
     from dart_skill.experiments.studies.throws import arm_of
 
-    tested = tuple(int(number) for number in options.tested_after.split(","))
     if options.again < 0 or options.again == 1:
         raise ValueError(
             f"--again is {options.again}: a scatter takes 2 throws at least, or 0 for none"
@@ -236,28 +215,27 @@ def _practice(options: argparse.Namespace) -> int:
     shared = {
         "throws": options.throws,
         "change_after": options.change_after,
-        "tested_after": tested,
-    }
-    shared |= {
+        "tested_after": [int(number) for number in options.tested_after.split(",")],
         "tests": options.tests,
         "again": options.again,
         "arm": options.arms,
         "configuration": options.configuration or "default",
     }
     tasks = [
-        PracticeTask(seed, method, int(shown), change=change, **shared)
+        practice.practice_task(
+            seed, method=method, demonstrations=int(shown), change=change, **shared
+        )
         for shown in options.demonstrations.split(",")
         for change in options.changes.split(",")
         for method in options.methods.split(",")
         for seed in range(options.first_seed, options.first_seed + options.seeds)
     ]
-    results = run_tasks(run, tasks, PracticeRun, options.results, options.jobs, options.scheduler)
-    print(json.dumps(summarise(results), indent=1) if options.json else table(results))
-    if options.figure:
-        from dart_skill.experiments.studies.practice_curves import draw_practice
-
-        floor = None if options.floor is None else 0.01 * options.floor
-        print(*draw_practice(results, options.figure, floor), sep="\n", file=sys.stderr)
+    results = run_tasks(practice.run, tasks, options.results, options.jobs, options.scheduler)
+    print(
+        json.dumps(practice.summarise(results), indent=1)
+        if options.json
+        else practice.table(results)
+    )
     return 0
 
 
@@ -316,13 +294,15 @@ def add_compliance(experiments: argparse._SubParsersAction) -> None:
 
 
 def _compliance(options: argparse.Namespace) -> int:
+    from dart_skill.experiments.parallel import all_of
     from dart_skill.experiments.studies import compliance
 
-    swings = compliance.run(
-        list(range(options.seeds)),
+    swings = all_of(
+        compliance.run_seed,
+        range(options.seeds),
         options.jobs,
-        options.demonstrations,
-        options.throws,
-        options.configuration,
+        demonstrations=options.demonstrations,
+        throws=options.throws,
+        name=options.configuration,
     )
     return show(swings, compliance.table, options.json)

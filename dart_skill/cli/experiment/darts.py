@@ -62,7 +62,7 @@ def _arm_darts(options: argparse.Namespace) -> int:
     if options.seeds is not None:
         return _over_seeds(options)
     from dart_skill.experiments.studies import arm_darts
-    from dart_skill.figures import draw_arm_darts
+    from dart_skill.figures import arm_darts_figure, save
     from dart_skill.simulation import Board
 
     distance, height = _board(options.board)
@@ -74,7 +74,9 @@ def _arm_darts(options: argparse.Namespace) -> int:
         run = arm_darts.run(
             *of_the_run, board, each=lambda n, dart: progress.update(), name=options.configuration
         )
-    paths = [] if options.output is None else draw_arm_darts(run, options.output)
+    paths = (
+        [] if options.output is None else save(arm_darts_figure(run), options.output, "arm_darts")
+    )
     if options.json:
         print(json.dumps({**run.to_json(), "figure": [str(path) for path in paths]}, indent=1))
     else:
@@ -83,6 +85,7 @@ def _arm_darts(options: argparse.Namespace) -> int:
 
 
 def _over_seeds(options: argparse.Namespace) -> int:
+    from dart_skill.experiments.parallel import all_of
     from dart_skill.experiments.studies import arm_darts
 
     if options.seeds < 1 or options.board != DEFAULT_BOARD or options.output is not None:
@@ -90,8 +93,15 @@ def _over_seeds(options: argparse.Namespace) -> int:
             f"--seeds is {options.seeds}: give at least 1, and neither --board nor --output, which"
             " are for one seed"
         )
-    how = (options.throws, options.demonstrations, options.practice, options.configuration)
-    runs = arm_darts.over_seeds(range(options.seeds), options.jobs, *how)
+    runs = all_of(
+        arm_darts.run_seed,
+        range(options.seeds),
+        options.jobs,
+        throws=options.throws,
+        demonstrations=options.demonstrations,
+        practice=options.practice,
+        name=options.configuration,
+    )
     print(
         json.dumps([one.to_json() for one in runs], indent=1)
         if options.json
@@ -156,26 +166,21 @@ def _add_runs(parser: argparse.ArgumentParser, methods: str) -> None:
 
 def _search(options: argparse.Namespace) -> int:
     from dart_skill.experiments.parallel import run_tasks
-    from dart_skill.experiments.studies.dart_search import (
-        LANDSCAPES,
-        SearchRun,
-        SearchTask,
-        run,
-        summarise,
-        table,
-    )
+    from dart_skill.experiments.studies import dart_search
 
     if options.seeds < 1:
         raise ValueError(f"--seeds is {options.seeds}: give at least 1")
-    schedules = list(LANDSCAPES) if options.schedules == "all" else options.schedules.split(",")
-    kinds = [(method, schedule) for schedule in schedules for method in options.methods.split(",")]
+    named = options.schedules.split(",")
+    schedules = dart_search.LANDSCAPES if options.schedules == "all" else named
     tasks = [
-        SearchTask(*kind, seed, options.reward, options.stop_after)
-        for kind in kinds
+        dart_search.search_task(method, schedule, seed, options.reward, options.stop_after)
+        for schedule in schedules
+        for method in options.methods.split(",")
         for seed in range(options.seeds)
     ]
-    runs = run_tasks(run, tasks, SearchRun, options.results, options.jobs, options.scheduler)
-    print(json.dumps(summarise(runs), indent=1) if options.json else table(runs))
+    runs = run_tasks(dart_search.run, tasks, options.results, options.jobs, options.scheduler)
+    rows = dart_search.summarise(runs)
+    print(json.dumps(rows, indent=1) if options.json else dart_search.table_of(rows))
     return 0
 
 

@@ -19,17 +19,19 @@ def add_place(experiments: argparse._SubParsersAction) -> None:
 
 
 def _place(options: argparse.Namespace) -> int:
-    from dart_skill.experiments.studies import place
+    from dart_skill.experiments.parallel import all_of
+    from dart_skill.experiments.studies import pose_skills
 
-    placed = place.run(
-        list(range(options.seeds)),
+    placed = all_of(
+        pose_skills.place_seed,
+        range(options.seeds),
         options.jobs,
-        options.demonstrations,
-        options.parts,
-        options.arm,
-        options.representation,
+        demonstrations=options.demonstrations,
+        parts=options.parts,
+        arm=options.arm,
+        representation=options.representation,
     )
-    return show(placed, place.table, options.json)
+    return show(placed, pose_skills.place_table, options.json)
 
 
 def add_reach(experiments: argparse._SubParsersAction) -> None:
@@ -48,15 +50,17 @@ def add_reach(experiments: argparse._SubParsersAction) -> None:
 
 
 def _reach(options: argparse.Namespace) -> int:
-    from dart_skill.experiments.studies import reach
+    from dart_skill.experiments.parallel import all_of
+    from dart_skill.experiments.studies import pose_skills
 
-    reached = reach.run(
-        list(range(options.seeds)),
+    reached = all_of(
+        pose_skills.reach_seed,
+        range(options.seeds),
         options.jobs,
-        options.demonstrations,
-        options.cups,
-        options.held,
-        options.arm,
-        options.representation,
+        demonstrations=options.demonstrations,
+        cups=options.cups,
+        held=options.held,
+        arm=options.arm,
+        representation=options.representation,
     )
-    return show(reached, reach.table, options.json)
+    return show(reached, pose_skills.reach_table, options.json)

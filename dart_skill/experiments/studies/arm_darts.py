@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,6 @@ import numpy as np
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.situation import Situation
 from dart_skill.common.surface import BOARD_DIAMETER
-from dart_skill.experiments.parallel import all_of
 from dart_skill.recording import Demonstration
 from dart_skill.session import BLOCK, Dart, DartsRun, Session, own_dart
 from dart_skill.simulation import Board, PlantSettings, Swing
@@ -39,10 +37,10 @@ def darts_session(seed: int, board: Board | None = None, **plant: Any) -> Sessio
     plant
         Settings of the plant that differ from the configured ones.
     """
-    settings, board = (
-        PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator")),
-        board or Board(),
+    settings = PlantSettings.from_parameters(
+        node_parameters("wam_simulator.yaml", "wam_simulator")
     )
+    board = board or Board()
     cocked = Darts.at_board(board.position).cocked
     assert cocked is not None
     return Session(seed, replace(settings, board=board, **plant), swing=Swing(cocked))
@@ -62,10 +60,8 @@ def teach(
     kept, misses = [], []
     for situation in situations:
         lessons = session.teach(skill.target(situation))
-        misses += [
-            skill.face.on_board(lesson.outcome.landing) - skill.aim(situation)
-            for lesson in lessons
-        ]
+        hits = [skill.face.on_board(lesson.outcome.landing) for lesson in lessons]
+        misses += [hit - skill.aim(situation) for hit in hits]
         if lessons[-1].outcome.in_basket:
             kept.append(lessons[-1].demonstration)
     return kept, np.array(misses)
@@ -77,7 +73,7 @@ def run(
     demonstrations: int = 8,
     practice: str = "both",
     board: Board | None = None,
-    each: Callable[[int, Dart], object] | None = None,
+    each: Callable[[int, Dart], object] = lambda n, dart: None,
     name: str = "",
 ) -> DartsRun:
     """One arm from its first lesson on.
@@ -95,8 +91,7 @@ def run(
     board
         Board, default None: one of regulation height and distance.
     each
-        Function that is called after each throw with its number, from 0, and its Dart; default
-        None.
+        Function that is called after each throw with its number, from 0, and its Dart.
     name
         Of the skill's configuration, default "": the default one.
 
@@ -114,65 +109,29 @@ def run(
     board = board or Board()
     game, session = Darts.at_board(board.position), darts_session(seed, board)
     try:
-        shown, misses = teach(
-            session, game, game.draws(np.random.default_rng([seed, 7]), demonstrations)
-        )
+        situations = game.draws(np.random.default_rng([seed, 7]), demonstrations)
+        shown, misses = teach(session, game, situations)
         method, steadies = PRACTICE[practice]
-        steady_every = game.steady_every if steadies else 0
         skill = PractisingSkill(
             shown,
             game.named(name).settings,
             method,
             settings=game.correction,
-            steady_every=steady_every,
+            steady_every=game.steady_every if steadies else 0,
         )
         agent, darts = game.agent(), []
         for n in range(throws):
             darts.append(own_dart(session, skill, game, agent)[0])
-            if each is not None:
-                each(n, darts[-1])
+            each(n, darts[-1])
     finally:
         session.close()
-    return DartsRun(
-        seed,
-        practice,
-        board.position,
-        tuple((float(x), float(y)) for x, y in misses),
-        tuple(darts),
-    )
+    taught = tuple((float(x), float(y)) for x, y in misses)
+    return DartsRun(seed, practice, board.position, taught, tuple(darts))
 
 
-def over_seeds(
-    seeds: Sequence[int],
-    jobs: int = 1,
-    throws: int = 100,
-    demonstrations: int = 8,
-    practice: str = "both",
-    name: str = "",
-) -> list[DartsRun]:
-    """One arm for each seed, `jobs` processes at a time, at a board of regulation height and
-    distance.
-
-    Parameters
-    ----------
-    throws
-        Of each arm.
-    practice, name
-        As in `run`.
-    """
-    return all_of(
-        partial(
-            _listed, throws=throws, demonstrations=demonstrations, practice=practice, name=name
-        ),
-        seeds,
-        jobs,
-    )
-
-
-def _listed(
-    seed: int, throws: int, demonstrations: int, practice: str, name: str
-) -> list[DartsRun]:
-    return [run(seed, throws, demonstrations, practice, name=name)]
+def run_seed(seed: int, **options: Any) -> list[DartsRun]:
+    """The run of one seed in a list, as `parallel.all_of` has it."""
+    return [run(seed, **options)]
 
 
 def table_of_seeds(runs: Sequence[DartsRun]) -> str:
@@ -184,42 +143,22 @@ def table_of_seeds(runs: Sequence[DartsRun]) -> str:
     runs
         One for each seed.
     """
-    head = f"{'seed':>6}{'score, first':>15}{'score, last':>14}{'off, last [mm]':>17}{'on the board':>15}"
-    rows = [_row_of_seed(one) for one in runs]
     lines = [
-        f"{one.seed:>6}{_columns(row)}{_on_the_board(one):>15}"
-        for one, row in zip(runs, rows, strict=True)
+        f"{BLOCK} darts in a block",
+        f"{'seed':>6}{'score, first':>15}{'score, last':>14}{'off, last [mm]':>17}{'on the board':>15}",
     ]
-    return "\n".join(
-        [
-            f"{BLOCK} darts in a block",
-            head,
-            *lines,
-            f"{'median':>6}{_columns(np.median(rows, axis=0))}",
-        ]
-    )
+    rows = []
+    for one in runs:
+        first, last = one.darts[:BLOCK], one.darts[-BLOCK:]
+        off = np.linalg.norm([np.subtract(dart.hit, dart.aim) for dart in last], axis=1)
+        means = (np.mean([dart.score for dart in block]) for block in (first, last))
+        rows.append([*means, np.nanmedian(off)])
+        # what was not seen is nan, and not on it
+        on = sum(np.hypot(*dart.hit) <= 500.0 * BOARD_DIAMETER for dart in one.darts)
+        share = f"{on} of {len(one.darts)}"
+        lines.append(f"{one.seed:>6}{_columns(rows[-1])}{share:>15}")
+    return "\n".join([*lines, f"{'median':>6}{_columns(np.median(rows, axis=0))}"])
 
 
-def _columns(row: np.ndarray) -> str:
+def _columns(row: Sequence[float]) -> str:
     return f"{row[0]:>15.1f}{row[1]:>14.1f}{row[2]:>17.1f}"
-
-
-def _row_of_seed(run: DartsRun) -> np.ndarray:
-    """Mean scores of the first and the last block, and the median distance from the aim in the
-    last (3,).
-    """
-    first, last = run.darts[:BLOCK], run.darts[-BLOCK:]
-    off = np.linalg.norm([np.subtract(dart.hit, dart.aim) for dart in last], axis=1)
-    return np.array(
-        [
-            np.mean([dart.score for dart in first]),
-            np.mean([dart.score for dart in last]),
-            np.nanmedian(off),
-        ]
-    )
-
-
-def _on_the_board(run: DartsRun) -> str:
-    # what was not seen is nan, and not on it
-    on = sum(np.hypot(*dart.hit) <= 500.0 * BOARD_DIAMETER for dart in run.darts)
-    return f"{on} of {len(run.darts)}"

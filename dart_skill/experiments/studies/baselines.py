@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import importlib
 import warnings
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -111,17 +110,12 @@ class CrossEntropy(VectorSearch):
         returns = np.array([trial.outcome for trial in told])
         if returns.min() == returns.max():
             return False
-        weights, points, policy = (
-            among_best(returns, self.settings.best) / self.settings.best,
-            self._relative(told),
-            self._policy,
-        )
+        weights = among_best(returns, self.settings.best) / self.settings.best
+        points, policy, share = self._relative(told), self._policy, self._smoothing
         mean = weights @ points
         deviations = (points - mean) * np.sqrt(weights)[:, None]
-        covariance = (
-            self._smoothing * deviations.T @ deviations + (1 - self._smoothing) * policy.shape()
-        )
-        policy.mean = policy.mean + self._smoothing * (mean - policy.mean)
+        covariance = share * deviations.T @ deviations + (1 - share) * policy.shape()
+        policy.mean = policy.mean + share * (mean - policy.mean)
         policy.set_covariance(covariance, np.ones(self._start.size, dtype=bool))
         return True
 
@@ -166,20 +160,16 @@ class RandomRestarts(PoWER):
         super().__init__(parameters, spread, rng=rng, **options)
         self._origin = self._policy.start.copy()
         self._restart_below = as_number(restart_below, "restart_below", strict=False)
-        self._longest_run, self._reach = (
-            as_count(longest_run, "longest_run"),
-            as_number(reach, "reach"),
-        )
+        self._longest_run = as_count(longest_run, "longest_run")
+        self._reach = as_number(reach, "reach")
         self._runs, self._began, self._present_return = 0, 0, -np.inf
         self._found: list[tuple[np.ndarray, float]] = []
 
     @property
     def optima(self) -> tuple[np.ndarray, np.ndarray]:
         """Results (n, d) of the finished runs, and the mean returns (n,) of their last batches."""
-        places = [place for place, _ in self._found]
-        return np.reshape(places, (-1, self._origin.size)), np.array(
-            [value for _, value in self._found]
-        )
+        places, values = ([found[part] for found in self._found] for part in (0, 1))
+        return np.reshape(places, (-1, self._origin.size)), np.array(values)
 
     @property
     def parameters(self) -> np.ndarray:
@@ -201,24 +191,17 @@ class RandomRestarts(PoWER):
         ]
         changed = len(ours) >= self.settings.best and super()._update(ours)
         if changed:
-            self._present_return = float(
-                np.mean([one.outcome for one in ours[-self.settings.batch :]])
-            )
-        if (
-            self._policy.longest < self._restart_below
-            or self.n_told - self._began >= self._longest_run
-        ):
-            self._restart()
+            latest = [one.outcome for one in ours[-self.settings.batch :]]
+            self._present_return = float(np.mean(latest))
+        too_long = self.n_told - self._began >= self._longest_run
+        if too_long or self._policy.longest < self._restart_below:
+            if np.isfinite(self._present_return):
+                self._found.append((self._policy.parameters, self._present_return))
+            scale, noise = self._policy.scale, self._rng.standard_normal(self._origin.size)
+            start = self._origin + self._reach * scale * noise
+            self._policy = GaussianPolicy(start, scale, self.settings, diagonal=False)
+            self._runs, self._began, self._present_return = self._runs + 1, self.n_told, -np.inf
         return changed
-
-    def _restart(self) -> None:
-        if np.isfinite(self._present_return):
-            self._found.append((self._policy.parameters, self._present_return))
-        start = self._origin + self._reach * self._policy.scale * self._rng.standard_normal(
-            self._origin.size
-        )
-        self._policy = GaussianPolicy(start, self._policy.scale, self.settings, diagonal=False)
-        self._runs, self._began, self._present_return = self._runs + 1, self.n_told, -np.inf
 
     def _policy_state(self) -> dict:
         raise TypeError("a search with restarts cannot be saved")
@@ -328,13 +311,18 @@ class CMAES(VectorSearch):
             "verbose": -9,
             "seed": np.nan,
             "minstd": self.settings.minimum_exploration,
+            "randn": lambda *shape: self._rng.standard_normal(shape),
         }
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about plots, and one dimension
-            draw = {"randn": lambda *shape: self._rng.standard_normal(shape)}
-            self._strategy = _cma().CMAEvolutionStrategy(
-                np.zeros(self._start.size), 1.0, {**options, **draw}
-            )
+            try:
+                strategy = importlib.import_module("cma").CMAEvolutionStrategy
+            except ImportError as error:
+                raise ImportError(
+                    "CMAES needs the package cma: pip install cma, or take CrossEntropy, which"
+                    " needs nothing"
+                ) from error
+            self._strategy = strategy(np.zeros(self._start.size), 1.0, options)
 
     @property
     def parameters(self) -> np.ndarray:
@@ -350,18 +338,6 @@ class CMAES(VectorSearch):
         return noise, self._start + self._scale * noise
 
     def _update(self, told: list[ToldTrial]) -> bool:
-        returns = [float(one.outcome) for one in told]
-        self._strategy.tell([one.noise for one in told], [-value for value in returns])
+        losses = [-float(one.outcome) for one in told]
+        self._strategy.tell([one.noise for one in told], losses)
         return True
-
-
-def _cma() -> ModuleType:
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about plots
-            return importlib.import_module("cma")
-    except ImportError as error:
-        raise ImportError(
-            "CMAES needs the package cma: pip install cma, or take CrossEntropy, which needs"
-            " nothing"
-        ) from error

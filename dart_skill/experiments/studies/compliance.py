@@ -7,8 +7,8 @@ The same demonstrations and baskets for each kind of gains. The hand follows the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,10 +26,8 @@ from dart_skill.arm import (
 )
 from dart_skill.common.constants import N_JOINTS
 from dart_skill.common.regions import targets_for
-from dart_skill.experiments.parallel import all_of
 from dart_skill.experiments.studies.throws import teach
 from dart_skill.session import Session
-from dart_skill.simulation import PlantState
 from dart_skill.skills.learning import ThrowingSkill, configuration, learn_throwing
 
 GRABBED = 0.05
@@ -67,44 +65,37 @@ class GrabbedThrow:
     miss: float
 
 
-def run(
-    seeds: list[int], jobs: int = 1, demonstrations: int = 13, throws: int = 5, name: str = ""
-) -> list[GrabbedThrow]:
-    """All seeds, `jobs` processes at a time.
-
-    Parameters
-    ----------
-    throws
-        Of each seed and kind.
-    name
-        Of the configuration, "" for the default one.
-    """
-    one = partial(run_seed, demonstrations=demonstrations, throws=throws, name=name)
-    return all_of(one, seeds, jobs)
-
-
 def run_seed(
     seed: int, demonstrations: int = 13, throws: int = 5, name: str = ""
 ) -> list[GrabbedThrow]:
     """The throws of one seed, of each kind at the same baskets; a plan that is refused is left
     out.
+
+    Parameters
+    ----------
+    throws
+        Of each kind.
+    name
+        Of the configuration, "" for the default one.
     """
-    session = Session(
-        seed, commander=CommanderSettings.configured(tracking="none"), keep_states=True
-    )
+    settings = CommanderSettings.configured(tracking="none")
+    session = Session(seed, commander=settings, keep_states=True)
     kept, swings = teach(session, seed, demonstrations), []
     for kind, stiffness in KINDS.items():
         skill = learn_throwing(kept, replace(configuration(name), **stiffness))
         for target in targets_for(seed, demonstrations, throws)[1]:
             try:
-                swings.append(_swing(session, kind, skill, skill.plan(target)))
+                swings.append(grabbed_throw(session, kind, skill, skill.plan(target)))
             except PlanRefused:
                 continue
     session.close()
     return swings
 
 
-def _swing(session: Session, kind: str, skill: ThrowingSkill, plan: ThrowPlan) -> GrabbedThrow:
+def grabbed_throw(
+    session: Session, kind: str, skill: ThrowingSkill, plan: ThrowPlan
+) -> GrabbedThrow:
+    """Throw with gains of a kind, and ask how hard the arm would have resisted."""
     trial = session.throw(plan)
     if session.commander.opened_ns is None:
         raise PlanRefused(trial.message)
@@ -112,48 +103,39 @@ def _swing(session: Session, kind: str, skill: ThrowingSkill, plan: ThrowPlan) -
     stamps = np.array([one.stamp_ns for one in trial.states])
     clock = (stamps - plan.begin_ns(session.commander.opened_ns, stamps)) * 1e-9
     swing = (clock >= 0.0) & (clock <= plan.release)
-    time, states = clock[swing], [trial.states[k] for k in np.flatnonzero(swing)]
-    variance, axes = np.linalg.eigh(
-        skill.covariance_along(plan)[
-            np.searchsorted(plan.path.time, time).clip(max=len(plan.path.time) - 1)
-        ]
-    )
-    expected = np.column_stack(
-        [np.interp(time, plan.path.time, column) for column in plan.path.position.T]
-    )
+    time, path = clock[swing], plan.path
+    states = [state for state, within in zip(trial.states, swing, strict=True) if within]
+    steps = np.searchsorted(path.time, time).clip(max=len(path.time) - 1)
+    variance, axes = np.linalg.eigh(skill.covariance_along(plan)[steps])
+    expected = np.column_stack([np.interp(time, path.time, one) for one in path.position.T])
     error = np.array([one.hand_position for one in states]) - expected
-    varied, agreed = int(variance[:, -1].argmax()), int(variance[:, 0].argmin())
     arm, references = Impedance(ArmModel(ball_in_hand=True)), References(plan.motion)
-
-    def force(k: int, axis: int) -> float:
-        return _resistance(arm, references.gains_at(time[k]), states[k], axes[k, :, axis])
-
-    def off(axis: int) -> float:
-        return float(np.sqrt(np.mean(np.einsum("ni,ni->n", error, axes[:, :, axis]) ** 2)))
-
-    return GrabbedThrow(
-        kind,
-        (force(varied, -1), force(agreed, 0)),
-        (off(-1), off(0)),
-        float(trial.outcome.landing_error),
-    )
+    force, off = [], []
+    for axis, k in ((-1, int(variance[:, -1].argmax())), (0, int(variance[:, 0].argmin()))):
+        gains, state = references.gains_at(time[k]), states[k]
+        where = (state.position, state.velocity)
+        force.append(resistance(arm, gains, *where, axes[k, :, axis]))
+        along = np.einsum("ni,ni->n", error, axes[:, :, axis])
+        off.append(float(np.sqrt(np.mean(along**2))))
+    miss = float(trial.outcome.landing_error)
+    return GrabbedThrow(kind, (force[0], force[1]), (off[0], off[1]), miss)
 
 
-def _resistance(arm: Impedance, gains: PoseGains, state: PlantState, axis: np.ndarray) -> float:
-    """Force with which the law pulls a hand back [N] that is GRABBED off along an axis (3,)."""
-    hand = arm.model.hand_state(state.position, np.zeros(N_JOINTS))
+def resistance(
+    arm: Impedance, gains: PoseGains, position: np.ndarray, velocity: np.ndarray, axis: np.ndarray
+) -> float:
+    """Force with which the law pulls a hand back [N] that is GRABBED off along an axis (3,), of an
+    arm with joints at a position (7,) [rad] and a velocity (7,) [rad/s].
+    """
+    hand = arm.model.hand_state(position, np.zeros(N_JOINTS))
     where = replace(hand, position=hand.position + GRABBED * axis)
-    reference = Reference(
-        hand.position, hand.rotation, hand.position, hand.rotation, np.zeros(6), np.zeros(6)
-    )
-    pulls = np.zeros(6), attractor_acceleration(reference, where, gains)
-    without, off = (
-        arm.act(state.position, state.velocity, pull, state.position)[0] for pull in pulls
-    )
+    at_rest = 2 * (hand.position, hand.rotation) + 2 * (np.zeros(6),)
+    pulls = np.zeros(6), attractor_acceleration(Reference(*at_rest), where, gains)
+    without, off = (arm.act(position, velocity, pull, position)[0] for pull in pulls)
     return float(np.linalg.norm((off - without)[:3]))
 
 
-def table(swings: list[GrabbedThrow]) -> str:
+def table(swings: Sequence[GrabbedThrow]) -> str:
     """A row for each kind: medians over its throws.
 
     Parameters
@@ -166,11 +148,8 @@ def table(swings: list[GrabbedThrow]) -> str:
     ]
     for kind in dict.fromkeys(one.kind for one in swings):
         part = [one for one in swings if one.kind == kind]
-        force, off = (
-            np.median([one.force for one in part], axis=0),
-            1e3 * np.median([one.off for one in part], axis=0),
-        )
+        force = "{:.0f}, {:.0f}".format(*np.median([one.force for one in part], axis=0))
+        off = "{:.1f}, {:.1f}".format(*(1e3 * np.median([one.off for one in part], axis=0)))
         miss = 100 * np.nanmedian([one.miss for one in part])
-        forces, distances = f"{force[0]:.0f}, {force[1]:.0f}", f"{off[0]:.1f}, {off[1]:.1f}"
-        lines.append(f"{kind:<12}{len(part):>8}{forces:>38}{distances:>26}{miss:>12.1f}")
+        lines.append(f"{kind:<12}{len(part):>8}{force:>38}{off:>26}{miss:>12.1f}")
     return "\n".join(lines)

@@ -2,7 +2,8 @@
 under an obstacle, and a broken actuator.
 
 A landscape is a row of stages; a search is not told when one follows another. Every stage has
-its reward in closed form and knows the highest there is, so that regret can be measured.
+its reward in closed form and knows the highest there is, so that regret can be measured: it has
+`best`, its highest reward, and `rewards` (m,) of parameters (m, d).
 """
 
 from __future__ import annotations
@@ -11,94 +12,55 @@ import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
 N_TRIALS = 3000
+"""Number of trials on a landscape."""
 
 
-class Landscape(Protocol):
-    """What a search is let loose on: `start` (d,) and `spread` of its first trials, in the same
-    units; `best` (n_trials,), the highest reward at every trial; `changes`, the trials before
-    which it changes at a blow.
-    """
-
-    @property
-    def start(self) -> np.ndarray: ...
-
-    @property
-    def spread(self) -> float: ...
-
-    @property
-    def changes(self) -> tuple[int, ...]: ...
-
-    @property
-    def best(self) -> np.ndarray: ...
-
-    def rewards(self, parameters: np.ndarray, trial: int) -> np.ndarray:
-        """Rewards (m,) of parameters (m, d), each tried as this trial."""
-        ...
-
-
-class LandscapeStage(Protocol):
-    """A landscape that stays as it is; `best`: its highest reward."""
-
-    @property
-    def best(self) -> float: ...
-
-    def rewards(self, parameters: np.ndarray) -> np.ndarray:
-        """Rewards (m,) of parameters (m, d)."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
 class StagedLandscape:
     """One stage after the other: stages[i + 1] begins with trial changes[i].
 
     Parameters
     ----------
     start
-        First guess.
+        First guess (d,).
     spread
-        Standard deviation of the first trials.
+        Standard deviation of the first trials, in the same units.
+
+    Attributes
+    ----------
+    best : (N_TRIALS,)
+        The highest reward at every trial.
     """
 
-    start: np.ndarray
-    spread: float
-    stages: tuple[LandscapeStage, ...]
-    changes: tuple[int, ...]
-    n_trials: int = N_TRIALS
-
-    def __post_init__(self) -> None:
-        ends = (0, *self.changes, self.n_trials)
-        if len(self.stages) != len(self.changes) + 1 or any(
-            first >= second for first, second in itertools.pairwise(ends)
-        ):
-            needed = f"{len(self.stages) - 1} changes that rise within 1 to {self.n_trials - 1}"
-            raise ValueError(f"{len(self.stages)} stages need {needed}, got {self.changes}")
-
-    @cached_property
-    def best(self) -> np.ndarray:
-        return np.repeat(
-            [stage.best for stage in self.stages], np.diff([0, *self.changes, self.n_trials])
-        )
+    def __init__(
+        self, start: np.ndarray, spread: float, stages: list, changes: tuple[int, ...]
+    ) -> None:
+        self.start, self.spread, self.stages, self.changes = start, spread, stages, changes
+        lengths = np.diff([0, *changes, N_TRIALS])
+        self.best = np.repeat([stage.best for stage in stages], lengths)
 
     def rewards(self, parameters: np.ndarray, trial: int) -> np.ndarray:
-        return self.stages[int(np.searchsorted(self.changes, trial, side="right"))].rewards(
-            parameters
-        )
+        """Rewards (m,) of parameters (m, d), each tried as this trial."""
+        stage = self.stages[int(np.searchsorted(self.changes, trial, side="right"))]
+        return stage.rewards(parameters)
 
 
-# Moving peaks
+BOX = (0.0, 100.0)
+"""Limits of the places of moving peaks, along each parameter."""
+HEIGHTS = (30.0, 70.0)
+"""Limits of their heights."""
+RADII = (5.0, 30.0)
+"""Limits of the distances at which half of their height is left."""
+SHIFT = 5.0
+"""Length of the step of a peak at each change; heights change by 7, radii by 1 (deviations)."""
 
-BOX, HEIGHTS, RADII = (0.0, 100.0), (30.0, 70.0), (5.0, 30.0)
-HEIGHT_SEVERITY, RADIUS_SEVERITY, SHIFT = 7.0, 1.0, 5.0
 
-
-@dataclass(frozen=True, eq=False)
-class Peaks:
+class Peaks(NamedTuple):
     """max_i h_i / (1 + |x - p_i|^2 / w_i^2): the peaks of J. Branke, Memory enhanced evolutionary
     algorithms for changing optimization problems, CEC 1999, with heights (k,), centres (k, d), and
     as `radii` (k,) the distance at which half of the height is left.
@@ -123,13 +85,10 @@ class Peaks:
         """
         steps = rng.standard_normal(self.centres.shape)
         steps *= SHIFT / np.linalg.norm(steps, axis=1, keepdims=True)
-        heights = self.heights + HEIGHT_SEVERITY * rng.standard_normal(len(self.heights))
-        radii = self.radii + RADIUS_SEVERITY * rng.standard_normal(len(self.radii))
-        return Peaks(
-            reflected(heights, *HEIGHTS),
-            reflected(radii, *RADII),
-            reflected(self.centres + steps, *BOX),
-        )
+        heights = self.heights + 7.0 * rng.standard_normal(len(self.heights))
+        radii = self.radii + 1.0 * rng.standard_normal(len(self.radii))
+        centres = reflected(self.centres + steps, *BOX)
+        return Peaks(reflected(heights, *HEIGHTS), reflected(radii, *RADII), centres)
 
 
 def reflected(values: np.ndarray, low: float, high: float) -> np.ndarray:
@@ -154,33 +113,19 @@ def moving_peaks(
     n_dims
         Of the box.
     """
-    peaks = [
-        Peaks(
-            rng.uniform(*HEIGHTS, n_peaks),
-            rng.uniform(*RADII, n_peaks),
-            rng.uniform(*BOX, (n_peaks, n_dims)),
-        )
-    ]
+    heights, radii = rng.uniform(*HEIGHTS, n_peaks), rng.uniform(*RADII, n_peaks)
+    peaks = [Peaks(heights, radii, rng.uniform(*BOX, (n_peaks, n_dims)))]
     changes = tuple(range(every, N_TRIALS, every))
     for _ in changes:
         peaks.append(peaks[-1].moved(rng))
-    return StagedLandscape(np.full(n_dims, np.mean(BOX)), 30.0, tuple(peaks), changes)
+    return StagedLandscape(np.full(n_dims, np.mean(BOX)), 30.0, peaks, changes)
 
-
-# A peak that vanishes
 
 HILL = 0.6
-"""Standard deviation of both hills [spreads]."""
-LOWER = 0.8
-"""Height of the lower hill."""
-AWAY = 1.25
-"""Distance of both hills from the start [spreads]."""
-OBSTACLE = 0.9
-"""Radius of the obstacle [spreads]."""
+"""Standard deviation of both hills of `vanishing_peak` [spreads]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Hills:
+class Hills(NamedTuple):
     """Gaussian hills with tops (k, 2) and heights (k,), the highest of those at each place; none
     of it within the disc of that radius about the first top.
 
@@ -203,11 +148,8 @@ class Hills:
 
     def rewards(self, parameters: np.ndarray) -> np.ndarray:
         squares = np.square(parameters[:, None] - self.tops).sum(axis=2)
-        return np.where(
-            squares[:, 0] < self.obstacle**2,
-            0.0,
-            np.max(self.heights * np.exp(-0.5 * squares / HILL**2), axis=1),
-        )
+        highest = np.max(self.heights * np.exp(-0.5 * squares / HILL**2), axis=1)
+        return np.where(squares[:, 0] < self.obstacle**2, 0.0, highest)
 
 
 def vanishing_peak(rng: np.random.Generator) -> StagedLandscape:
@@ -215,18 +157,16 @@ def vanishing_peak(rng: np.random.Generator) -> StagedLandscape:
     covers the better one.
     """
     angle = rng.uniform(0.0, 2.0 * np.pi)
-    top = AWAY * np.array([np.cos(angle), np.sin(angle)])
-    hills = Hills(np.array([top, -top]), np.array([1.0, LOWER]))
-    return StagedLandscape(
-        np.zeros(2), 1.0, (hills, replace(hills, obstacle=OBSTACLE)), (broken_at(rng),)
-    )
+    top = 1.25 * np.array([np.cos(angle), np.sin(angle)])
+    hills = Hills(np.array([top, -top]), np.array([1.0, 0.8]))
+    stages = [hills, hills._replace(obstacle=0.9)]
+    return StagedLandscape(np.zeros(2), 1.0, stages, broken_at(rng))
 
 
-def broken_at(rng: np.random.Generator) -> int:
-    return int(rng.integers(N_TRIALS // 3, 2 * N_TRIALS // 3))
+def broken_at(rng: np.random.Generator) -> tuple[int]:
+    """A random moment in the middle third."""
+    return (int(rng.integers(N_TRIALS // 3, 2 * N_TRIALS // 3)),)
 
-
-# A broken actuator
 
 LENGTHS = np.array([0.35, 0.30, 0.20, 0.15])
 """Links of the arm [m]."""
@@ -237,13 +177,15 @@ EASE = np.array([4.0, 4.0, 1.2, 1.2])
 TOLERANCE = 0.1
 """Distance to the target that makes a cost of 1 [m]."""
 RANGE = 2.4
+"""Range of every joint to either side [rad]."""
 ELBOW = 1
+"""The joint that breaks."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlanarArm:
     """Four joints in a plane put the tip at a target (2,) [m]. Angles (4,) [rad] outside of `low`
-    and `high` stop there.
+    and `high` stop there; a joint is stuck where both are the same.
 
         reward = 1 / (1 + |tip - target|^2 / TOLERANCE^2 + sum_j (angle_j - REST_j)^2 / EASE_j^2)
 
@@ -261,28 +203,24 @@ class PlanarArm:
         free = self.high > self.low
         low, high = self.low[free], self.high[free]
 
+        def whole(angles: np.ndarray) -> np.ndarray:
+            every = np.tile(self.low, (*angles.shape[:-1], 1))
+            every[..., free] = angles
+            return every
+
         def residuals(angles: np.ndarray) -> np.ndarray:
-            whole = self.low.copy()
-            whole[free] = angles
-            return self._residuals(whole[None])[0]
+            return self._residuals(whole(angles[None]))[0]
 
         shares = np.array(list(itertools.product(np.linspace(0.05, 0.95, 7), repeat=len(low))))
         starts = low + shares * (high - low)
-        whole = np.tile(self.low, (len(starts), 1))
-        whole[:, free] = starts
-        chosen = starts[np.argsort(-self.rewards(whole), kind="stable")[:24]]
-        least = min(
-            scipy.optimize.least_squares(
-                residuals, one, bounds=(low, high), xtol=1e-12, ftol=1e-14
-            ).cost
-            for one in chosen
-        )
+        chosen = starts[np.argsort(-self.rewards(whole(starts)), kind="stable")[:24]]
+        how = {"bounds": (low, high), "xtol": 1e-12, "ftol": 1e-14}
+        least = min(scipy.optimize.least_squares(residuals, one, **how).cost for one in chosen)
         return float(1.0 / (1.0 + 2.0 * least))
 
     def rewards(self, parameters: np.ndarray) -> np.ndarray:
-        return 1.0 / (
-            1.0 + np.square(self._residuals(np.clip(parameters, self.low, self.high))).sum(axis=1)
-        )
+        costs = np.square(self._residuals(np.clip(parameters, self.low, self.high)))
+        return 1.0 / (1.0 + costs.sum(axis=1))
 
     def tip(self, angles: np.ndarray) -> np.ndarray:
         """Places (m, 2) [m] for angles (m, 4), each from the link before."""
@@ -290,21 +228,8 @@ class PlanarArm:
         return np.stack([np.cos(directions) @ LENGTHS, np.sin(directions) @ LENGTHS], axis=1)
 
     def _residuals(self, angles: np.ndarray) -> np.ndarray:
-        return np.column_stack(
-            [(self.tip(angles) - self.target) / TOLERANCE, (angles - REST) / EASE]
-        )
-
-    def limited(self, joint: int, low: float, high: float) -> PlanarArm:
-        """With a joint that only moves within these angles; stuck where both are the same.
-
-        Parameters
-        ----------
-        low, high
-            The angles [rad].
-        """
-        lows, highs = self.low.copy(), self.high.copy()
-        lows[joint], highs[joint] = low, high
-        return replace(self, low=lows, high=highs)
+        away = (self.tip(angles) - self.target) / TOLERANCE
+        return np.column_stack([away, (angles - REST) / EASE])
 
 
 def broken_actuator(rng: np.random.Generator, stuck: bool) -> StagedLandscape:
@@ -313,10 +238,12 @@ def broken_actuator(rng: np.random.Generator, stuck: bool) -> StagedLandscape:
     """
     distance, azimuth = rng.uniform(0.5, 0.75), rng.uniform(-0.5, 0.5)
     target = distance * np.array([np.cos(azimuth), np.sin(azimuth)])
-    arm = PlanarArm(target, np.full(4, -RANGE), np.full(4, RANGE))
+    low, high = np.full(4, -RANGE), np.full(4, RANGE)
+    arm = PlanarArm(target, low.copy(), high.copy())
     angle = rng.uniform(-0.5 * RANGE, 0.5 * RANGE)
-    broken = arm.limited(ELBOW, angle, angle) if stuck else arm.limited(ELBOW, -RANGE, 0.0)
-    return StagedLandscape(np.zeros(4), 0.6, (arm, broken), (broken_at(rng),))
+    low[ELBOW], high[ELBOW] = (angle, angle) if stuck else (-RANGE, 0.0)
+    stages = [arm, replace(arm, low=low, high=high)]
+    return StagedLandscape(np.zeros(4), 0.6, stages, broken_at(rng))
 
 
 LANDSCAPES: dict[str, Callable[[np.random.Generator], StagedLandscape]] = {

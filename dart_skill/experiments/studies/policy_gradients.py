@@ -43,7 +43,7 @@ information. F in the ridge keeps the result independent of the parametrisation.
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -52,8 +52,8 @@ from dart_skill.common.checks import as_count, as_number, as_samples, as_vector
 from dart_skill.experiments.studies.baselines import LIMITS
 from dart_skill.policy_search import SearchSettings, ToldTrial, VectorSearch
 
-# share of the squared scores of all trials below which the others say nothing about a baseline
 NOTHING = 1e-12
+"""Share of the squared scores of all trials below which the others say nothing about a baseline."""
 
 
 def optimal_baseline(scores: ArrayLike, returns: ArrayLike) -> np.ndarray:
@@ -73,9 +73,8 @@ def optimal_baseline(scores: ArrayLike, returns: ArrayLike) -> np.ndarray:
         For values that are not finite, and for a number of returns that is not that of the scores.
     """
     scores, returns = _read(scores, returns, 1)
-    squares = np.square(scores)
+    squares, middle = np.square(scores), returns.mean()
     total = squares.sum(axis=0)
-    middle = returns.mean()
     return middle + (returns - middle) @ squares / np.where(total > 0, total, 1.0)
 
 
@@ -102,10 +101,8 @@ def reinforce_gradient(scores: ArrayLike, returns: ArrayLike) -> np.ndarray:
     total = squares.sum(axis=0)
     others = total - squares
     informed = others > NOTHING * total
-    baselines = np.where(
-        informed, (squares * centred).sum(axis=0) - squares * centred, 0.0
-    ) / np.where(informed, others, 1.0)
-    return np.mean(scores * (centred - baselines), axis=0)
+    known = np.where(informed, (squares * centred).sum(axis=0) - squares * centred, 0.0)
+    return np.mean(scores * (centred - known / np.where(informed, others, 1.0)), axis=0)
 
 
 def natural_gradient(
@@ -120,7 +117,7 @@ def natural_gradient(
     returns : (n,)
         Of any sign.
     fisher : (p, p)
-        Fisher information of the policy.
+        Fisher information of the policy, symmetric and positive definite.
     ridge
         Float, default 0. Weight of the penalty w' F w. Small values matter only when n is hardly
         above p + 1.
@@ -128,19 +125,16 @@ def natural_gradient(
     Raises
     ------
     ValueError
-        As `optimal_baseline`, for less than p + 1 trials, and for a Fisher information that is not
-        positive.
+        As `optimal_baseline`, and for less than p + 1 trials.
     """
-    scores = as_samples(scores, "scores")
-    n, p = scores.shape
+    p = as_samples(scores, "scores").shape[1]
     scores, returns = _read(scores, returns, p + 1)
-    ridge, root = as_number(ridge, "ridge", strict=False), _root(fisher, p)
+    root, n = np.linalg.cholesky(as_samples(fisher, "fisher", p)), len(returns)
     white = np.linalg.solve(root, scores.T).T
     middle, mean = white.mean(axis=0), returns.mean()
-    penalised = np.vstack([(white - middle) / np.sqrt(n), np.sqrt(ridge) * np.eye(p)])
-    weights = np.linalg.lstsq(
-        penalised, np.append((returns - mean) / np.sqrt(n), np.zeros(p)), rcond=None
-    )[0]
+    rows = np.vstack([(white - middle) / np.sqrt(n), np.sqrt(ridge) * np.eye(p)])
+    wanted = np.append((returns - mean) / np.sqrt(n), np.zeros(p))
+    weights = np.linalg.lstsq(rows, wanted, rcond=None)[0]
     return np.linalg.solve(root.T, weights), float(mean - middle @ weights)
 
 
@@ -155,156 +149,13 @@ def _read(scores: ArrayLike, returns: ArrayLike, least: int) -> tuple[np.ndarray
     return scores, returns
 
 
-def _root(fisher: ArrayLike, p: int) -> np.ndarray:
-    """Lower triangular L (p, p) with L L' = F."""
-    fisher = as_samples(fisher, "fisher", p)
-    try:
-        return np.linalg.cholesky(fisher)
-    except np.linalg.LinAlgError:
-        reason = (
-            "must be a symmetric matrix with positive eigenvalues: give that of the policy,"
-            " without parameters that do nothing"
-        )
-        raise ValueError(f"fisher, shape {fisher.shape}, {reason}") from None
-
-
 EXPLORATIONS = ("automatic", "fixed")
+"""Whether log sigma is learned by the same gradient, or sigma is kept."""
 STEPS = ("normalised", "plain")
+"""Steps (G6) and (G7)."""
 
 
-class _GradientSearch(VectorSearch):
-    """Common base: the policy, its scores, and steps along the direction that a subclass
-    estimates.
-    """
-
-    def __init__(
-        self,
-        parameters: ArrayLike,
-        spread: ArrayLike,
-        *,
-        rng: np.random.Generator,
-        learning_rate: float = 0.3,
-        step: str = "normalised",
-        exploration: str = "automatic",
-        batch: int | None = None,
-        limits: tuple[float, float] = LIMITS,
-    ):
-        for name, value, choices in (
-            ("exploration", exploration, EXPLORATIONS),
-            ("step", step, STEPS),
-        ):
-            if value not in choices:
-                raise ValueError(f"{name} must be one of {choices}, got {value!r}")
-        self._learning_rate, self._step = as_number(learning_rate, "learning_rate"), step
-        p = np.size(parameters) * (2 if exploration == "automatic" else 1)
-        batch = 2 * (p + 1) if batch is None else as_count(batch, "batch")
-        if batch < self._least(p):
-            raise ValueError(
-                f"batch is {batch}, but {p} elements of a gradient need at least {self._least(p)}"
-                " trials: raise it"
-            )
-        low, high = as_vector(limits, "limits", 2).tolist()
-        super().__init__(
-            parameters,
-            spread,
-            SearchSettings(exploration, "rank", batch, batch, batch, 0.0, (low, high)),
-            rng,
-        )
-        self._mean, self._sigma = np.zeros(self._start.size), np.ones(self._start.size)
-
-    @staticmethod
-    @abstractmethod
-    def _least(p: int) -> int:
-        """Least number of trials from which p elements of a gradient can be estimated."""
-
-    @abstractmethod
-    def _direction(
-        self, scores: np.ndarray, returns: np.ndarray, fisher: np.ndarray
-    ) -> np.ndarray:
-        """Direction (p,) of the step from scores (n, p), returns (n,) and the diagonal (p,) of the
-        Fisher information.
-        """
-
-    @property
-    def parameters(self) -> np.ndarray:
-        """Mean (d,) of the policy."""
-        return self._start + self._scale * self._mean
-
-    @property
-    def spread(self) -> np.ndarray:
-        """Standard deviations (d,) of the next trial."""
-        return self._scale * self._sigma
-
-    @property
-    def exploration_size(self) -> float:
-        """Largest standard deviation, in units of the spread at the start."""
-        return float(self._sigma.max())
-
-    def _draw(self) -> tuple[np.ndarray, np.ndarray]:
-        noise = self._rng.standard_normal(self._start.size)
-        return noise, self._start + self._scale * (self._mean + self._sigma * noise)
-
-    def _update(self, told: list[ToldTrial]) -> bool:
-        returns = np.array([float(trial.outcome) for trial in told])
-        if returns.min() == returns.max():
-            return False
-        if self._step == "normalised":
-            returns = returns / np.abs(returns).max()  # so that no square overflows
-        # (G5)
-        fisher = np.concatenate([1 / self._sigma**2, np.full(self._start.size, 2.0)])[
-            : self._n_elements
-        ]
-        scores = self._scores(np.array([trial.noise for trial in told]))
-        with np.errstate(over="ignore", invalid="ignore"):  # `_go` refuses what comes of it
-            direction = self._direction(scores, returns, fisher)
-            step = direction * self._length(direction, fisher)
-        return self._go(step)
-
-    @property
-    def _n_elements(self) -> int:
-        return self._start.size * (2 if self.settings.exploration == "automatic" else 1)
-
-    def _scores(self, noise: np.ndarray) -> np.ndarray:
-        """(G4): (n, p) from the noise (n, d). A trial that was asked before the last update counts
-        with its noise of then.
-        """
-        return np.hstack([noise / self._sigma, noise**2 - 1])[:, : self._n_elements]
-
-    def _length(self, direction: np.ndarray, fisher: np.ndarray) -> float:
-        """What the direction is multiplied by: (G6), (G7)."""
-        if self._step == "plain":
-            return self._learning_rate
-        size = np.abs(direction).max()
-        return (
-            self._learning_rate / (size * np.sqrt(fisher @ (direction / size) ** 2))
-            if size > 0
-            else 0.0
-        )
-
-    def _go(self, step: np.ndarray) -> bool:
-        d, (low, high) = self._start.size, self.settings.limits
-        mean = self._mean + step[:d]
-        if not np.isfinite(step).all() or not np.isfinite(self._start + self._scale * mean).all():
-            worst = (
-                f"the step of update {self.n_updates} is {step.tolist()} with learning_rate"
-                f" {self._learning_rate:g}"
-            )
-            raise ValueError(
-                f"{worst}, and leaves all numbers: lower it for returns of this size, or choose"
-                " step 'normalised'"
-            )
-        self._mean = mean
-        if len(step) > d:
-            # No step changes log sigma by more than the distance of the limits, so exp does not
-            # overflow.
-            reach = np.log(high / low)
-            self._sigma = np.clip(
-                self._sigma * np.exp(np.clip(step[d:], -reach, reach)), low, high
-            )
-        return bool(step.any())
-
-
-class Reinforce(_GradientSearch):
+class Reinforce(VectorSearch):
     """Episodic REINFORCE (G1) with the optimal baseline (G2) of each element of the gradient.
 
     The gradient depends on the units of theta, and its variance grows as the exploration shrinks.
@@ -334,17 +185,102 @@ class Reinforce(_GradientSearch):
         exploration may vanish before the search has arrived.
     """
 
-    @staticmethod
-    def _least(p: int) -> int:
+    def __init__(
+        self,
+        parameters: ArrayLike,
+        spread: ArrayLike,
+        *,
+        rng: np.random.Generator,
+        learning_rate: float = 0.3,
+        step: str = "normalised",
+        exploration: str = "automatic",
+        batch: int | None = None,
+        limits: tuple[float, float] = LIMITS,
+    ):
+        for name, value, choices in (
+            ("exploration", exploration, EXPLORATIONS),
+            ("step", step, STEPS),
+        ):
+            if value not in choices:
+                raise ValueError(f"{name} must be one of {choices}, got {value!r}")
+        self._learning_rate, self._step = as_number(learning_rate, "learning_rate"), step
+        p = np.size(parameters) * (2 if exploration == "automatic" else 1)
+        batch = 2 * (p + 1) if batch is None else as_count(batch, "batch")
+        if batch < self._least(p):
+            raise ValueError(
+                f"batch is {batch}, but {p} elements of a gradient need at least {self._least(p)}"
+                " trials: raise it"
+            )
+        low, high = as_vector(limits, "limits", 2).tolist()
+        settings = SearchSettings(exploration, "rank", batch, batch, batch, 0.0, (low, high))
+        super().__init__(parameters, spread, settings, rng)
+        self._n_elements = p
+        self._mean, self._sigma = np.zeros(self._start.size), np.ones(self._start.size)
+
+    def _least(self, p: int) -> int:
+        """Least number of trials from which p elements of a gradient can be estimated."""
         return 2
 
     def _direction(
         self, scores: np.ndarray, returns: np.ndarray, fisher: np.ndarray
     ) -> np.ndarray:
+        """Direction (p,) of the step from scores (n, p), returns (n,) and the diagonal (p,) of the
+        Fisher information.
+        """
         return reinforce_gradient(scores, returns)
 
+    @property
+    def parameters(self) -> np.ndarray:
+        """Mean (d,) of the policy."""
+        return self._start + self._scale * self._mean
 
-class EpisodicNaturalActorCritic(_GradientSearch):
+    @property
+    def spread(self) -> np.ndarray:
+        """Standard deviations (d,) of the next trial."""
+        return self._scale * self._sigma
+
+    @property
+    def exploration_size(self) -> float:
+        """Largest standard deviation, in units of the spread at the start."""
+        return float(self._sigma.max())
+
+    def _draw(self) -> tuple[np.ndarray, np.ndarray]:
+        noise = self._rng.standard_normal(self._start.size)
+        return noise, self._start + self._scale * (self._mean + self._sigma * noise)
+
+    def _update(self, told: list[ToldTrial]) -> bool:
+        returns = np.array([float(trial.outcome) for trial in told])
+        if returns.min() == returns.max():
+            return False
+        if self._step == "normalised":
+            returns = returns / np.abs(returns).max()  # so that no square overflows
+        # (G4), (G5); a trial that was asked before the last update counts with its noise of then
+        noise, d = np.array([trial.noise for trial in told]), self._start.size
+        scores = np.hstack([noise / self._sigma, noise**2 - 1])[:, : self._n_elements]
+        fisher = np.append(1 / self._sigma**2, np.full(d, 2.0))[: self._n_elements]
+        with np.errstate(over="ignore", invalid="ignore"):  # what comes of it is refused
+            direction, length = self._direction(scores, returns, fisher), self._learning_rate
+            if self._step == "normalised":
+                size = max(np.abs(direction).max(), 1e-300)
+                length /= size * max(np.sqrt(fisher @ (direction / size) ** 2), 1e-300)
+            step = length * direction
+        mean = self._mean + step[:d]
+        if not np.isfinite(step).all() or not np.isfinite(self._start + self._scale * mean).all():
+            raise ValueError(
+                f"the step of update {self.n_updates} is {step.tolist()} with learning_rate"
+                f" {self._learning_rate:g}, and leaves all numbers: lower it for returns of this"
+                " size, or choose step 'normalised'"
+            )
+        self._mean, (low, high) = mean, self.settings.limits
+        if len(step) > d:
+            # No step changes log sigma by more than the distance of the limits, so exp does not
+            # overflow.
+            growth = np.exp(np.clip(step[d:], -np.log(high / low), np.log(high / low)))
+            self._sigma = np.clip(self._sigma * growth, low, high)
+        return bool(step.any())
+
+
+class EpisodicNaturalActorCritic(Reinforce):
     """Episodic natural actor-critic: steps along the natural gradient, by the regression (G3).
 
     `tell` raises ValueError when a plain step leaves all numbers.
@@ -365,27 +301,13 @@ class EpisodicNaturalActorCritic(_GradientSearch):
         spread: ArrayLike,
         *,
         rng: np.random.Generator,
-        learning_rate: float = 0.3,
-        step: str = "normalised",
-        exploration: str = "automatic",
-        batch: int | None = None,
-        limits: tuple[float, float] = LIMITS,
         ridge: float = 0.01,
+        **options: Any,
     ):
         self._ridge = as_number(ridge, "ridge", strict=False)
-        super().__init__(
-            parameters,
-            spread,
-            rng=rng,
-            learning_rate=learning_rate,
-            step=step,
-            exploration=exploration,
-            batch=batch,
-            limits=limits,
-        )
+        super().__init__(parameters, spread, rng=rng, **options)
 
-    @staticmethod
-    def _least(p: int) -> int:
+    def _least(self, p: int) -> int:
         return p + 1
 
     def _direction(

@@ -12,8 +12,7 @@ nothing is learned.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,84 +26,50 @@ from dart_skill.skills.practice import METHODS, Curriculum, PractisingSkill
 
 CANDIDATES = 48
 """Baskets among which the curriculum chooses."""
+DEFAULTS: dict[str, Any] = {
+    "method": "both",
+    "demonstrations": 13,
+    "throws": 50,
+    "change": "none",
+    "change_after": 0,
+    "tested_after": [0, 1, 2, 5, 10, 20, 50],
+    "tests": 10,
+    "again": 0,
+    "arm": "ideal",
+    "configuration": "default",
+}
+"""Of a task: method of practice, one of METHODS; how many throws are shown and practised; change
+of the plant, one of CHANGES, after so many throws; numbers of practised throws after each of which
+there is a test, and throws of it; throws of one plan for each basket of the last test, whose
+scatter is what no better plan can take away; arm of config/fleet.yaml, or fleet: the one that the
+seed draws; configuration of the skill.
+"""
 
 
-@dataclass(frozen=True)
-class PracticeTask:
-    """One run: demonstrations, then practised throws, with tests between them.
+def practice_task(seed: int, **options: Any) -> dict:
+    """A task of `run`: demonstrations, then practised throws, with tests between them.
 
     Parameters
     ----------
     seed
         Of the simulated teacher, the arm and the baskets.
-    method
-        Of practice, one of METHODS.
-    demonstrations, throws
-        How many are shown, and how many are practised.
-    change
-        One of CHANGES, after `change_after` throws.
-    tests
-        Throws of each test, after each number of practised throws in `tested_after`.
-    again
-        Throws of one plan for each basket of the last test: their scatter is what no better plan
-        can take away.
-    arm
-        Of config/fleet.yaml, or fleet: the one that the seed draws.
-    configuration
-        Of the skill.
+    options
+        Those of DEFAULTS that differ.
+
+    Raises
+    ------
+    ValueError
+        For a method, a change or a configuration that does not exist.
     """
-
-    seed: int
-    method: str = "both"
-    demonstrations: int = 13
-    throws: int = 50
-    change: str = "none"
-    change_after: int = 0
-    tested_after: tuple[int, ...] = (0, 1, 2, 5, 10, 20, 50)
-    tests: int = 10
-    again: int = 0
-    arm: str = "ideal"
-    configuration: str = "default"
-
-    def __post_init__(self) -> None:
-        for name, choices in (("method", METHODS), ("change", CHANGES)):
-            if getattr(self, name) not in choices:
-                raise ValueError(
-                    f"there is no {name} '{getattr(self, name)}': choose one of"
-                    f" {', '.join(choices)}"
-                )
-        configuration(self.configuration)
-        object.__setattr__(
-            self, "tested_after", tuple(n for n in self.tested_after if n <= self.throws)
-        )
-
-
-@dataclass(frozen=True)
-class PracticeRun:
-    """What one run gave; errors are nan where no throw came about or no landing was seen.
-
-    Parameters
-    ----------
-    task
-        Of the run.
-    errors, in_basket
-        (throws,) of the practised throws [m].
-    test_errors, test_in_basket
-        Of each test, its throws [m].
-    notes
-        Why throws did not come about.
-    spreads
-        Of each basket of the last test, how far throws of one plan come down from their centre
-        [m].
-    """
-
-    task: PracticeTask
-    errors: tuple[float, ...]
-    in_basket: tuple[bool, ...]
-    test_errors: tuple[tuple[float, ...], ...]
-    test_in_basket: tuple[tuple[bool, ...], ...]
-    notes: tuple[str, ...] = ()
-    spreads: tuple[tuple[float, ...], ...] = ()
+    task = {"seed": seed, **DEFAULTS, **options}
+    for name, choices in (("method", METHODS), ("change", CHANGES)):
+        if task[name] not in choices:
+            raise ValueError(
+                f"there is no {name} '{task[name]}': choose one of {', '.join(choices)}"
+            )
+    configuration(task["configuration"])
+    task["tested_after"] = [n for n in task["tested_after"] if n <= task["throws"]]
+    return task
 
 
 def teach(session: Session, seed: int, wanted: int) -> list[Demonstration]:
@@ -126,65 +91,60 @@ def teach(session: Session, seed: int, wanted: int) -> list[Demonstration]:
     return kept
 
 
-def run(task: PracticeTask) -> PracticeRun:
-    """One teacher, one arm, one way to practise."""
-    session = Session.on_arm(throws.arm_of(task.arm, task.seed), task.seed)
+def run(task: dict) -> dict:
+    """One teacher, one arm, one way to practise.
+
+    Returns
+    -------
+    dict
+        errors [m] and in_basket (throws,) of the practised throws; test_errors [m] and
+        test_in_basket of each test, its throws; notes: why throws did not come about; spreads: of
+        each basket of the last test, how far throws of one plan come down from their centre [m].
+        Errors are nan where no throw came about or no landing was seen.
+    """
+    seed = task["seed"]
+    session = Session.on_arm(throws.arm_of(task["arm"], seed), seed)
     try:
-        return _run(task, session)
+        shown = teach(session, seed, task["demonstrations"])
+        rng, choosing, testing = (np.random.default_rng([seed, part]) for part in (4, 5, 6))
+        learned_as = configuration(task["configuration"])
+        skill, curriculum = (
+            PractisingSkill(shown, learned_as, task["method"], rng=rng),
+            Curriculum(),
+        )
+        done: list[PractisedThrow] = []
+        tests: list[list[PractisedThrow]] = []
+        baskets = np.empty((0, 3))
+        for n in range(task["throws"] + 1):
+            if n == task["change_after"] and task["change"] != "none":
+                session.plant.change(changed(session.plant.settings, task["change"]))
+            if n in task["tested_after"]:
+                baskets = REGION.spread(task["tests"], testing)
+                tests.append([practise(session, skill, one, learn=False) for one in baskets])
+            if n < task["throws"]:
+                target = _choose(skill, curriculum, REGION.spread(CANDIDATES, choosing))
+                done.append(practise(session, skill, target))
+                if done[-1].came_about:
+                    curriculum.tell(target, done[-1].miss)
+                else:
+                    curriculum.give_up(target)
+        again = task["again"]
+        return {
+            "task": task,
+            "errors": [one.error for one in done],
+            "in_basket": [one.in_basket for one in done],
+            "test_errors": [[one.error for one in test] for test in tests],
+            "test_in_basket": [[one.in_basket for one in test] for test in tests],
+            "notes": [f"throw {n}: {one.note}" for n, one in enumerate(done, 1) if one.note],
+            "spreads": [_spread(session, skill, one, again) for one in baskets if again],
+        }
     finally:
         session.close()
 
 
-def _run(task: PracticeTask, session: Session) -> PracticeRun:
-    shown, rng = (
-        teach(session, task.seed, task.demonstrations),
-        np.random.default_rng([task.seed, 4]),
-    )
-    skill = PractisingSkill(shown, configuration(task.configuration), task.method, rng=rng)
-    curriculum, choosing, testing = (
-        Curriculum(),
-        np.random.default_rng([task.seed, 5]),
-        np.random.default_rng([task.seed, 6]),
-    )
-    thrown: list[_PractisedThrow] = []
-    tests: list[list[_PractisedThrow]] = []
-    notes: list[str] = []
-    baskets = np.empty((0, 3))
-    for n in range(task.throws + 1):
-        if n == task.change_after and task.change != "none":
-            session.plant.change(changed(session.plant.settings, task.change))
-        if n in task.tested_after:
-            baskets = REGION.spread(task.tests, testing)
-            tests.append([_throw(session, skill, target) for target in baskets])
-        if n == task.throws:
-            break
-        target = _choose(skill, curriculum, REGION.spread(CANDIDATES, choosing))
-        throw = _throw(session, skill, target, learn=True)
-        if throw.came_about:
-            curriculum.tell(target, throw.miss)
-        else:
-            curriculum.give_up(target)
-        thrown.append(throw)
-        notes += [f"throw {n + 1}: {throw.note}"] if throw.note else []
-    spreads = (
-        tuple(_spread(session, skill, target, task.again) for target in baskets)
-        if task.again
-        else ()
-    )
-    return PracticeRun(
-        task,
-        tuple(throw.error for throw in thrown),
-        tuple(throw.in_basket for throw in thrown),
-        tuple(tuple(throw.error for throw in test) for test in tests),
-        tuple(tuple(throw.in_basket for throw in test) for test in tests),
-        tuple(notes),
-        spreads,
-    )
-
-
 def _spread(
     session: Session, skill: PractisingSkill, target: np.ndarray, throws: int
-) -> tuple[float, ...]:
+) -> list[float]:
     """Distances (throws,) [m] of the hits of one plan from their centre, as they would be from the
     centre of very many.
     """
@@ -192,9 +152,9 @@ def _spread(
         plan = skill.plan(target)
         hits = np.array([session.throw(plan).outcome.landing for _ in range(throws)])
     except ValueError:
-        return (np.nan,) * throws
+        return [np.nan] * throws
     distances = np.linalg.norm(hits - hits.mean(axis=0), axis=1) * np.sqrt(throws / (throws - 1))
-    return tuple(distances.tolist())
+    return distances.tolist()
 
 
 def _choose(skill: PractisingSkill, curriculum: Curriculum, baskets: np.ndarray) -> np.ndarray:
@@ -208,7 +168,7 @@ def _choose(skill: PractisingSkill, curriculum: Curriculum, baskets: np.ndarray)
     raise ValueError(f"none of {len(baskets)} baskets can be reached")
 
 
-class _PractisedThrow(NamedTuple):
+class PractisedThrow(NamedTuple):
     """error [m]; miss [m]: the repeatable part of it; came_about: whether there was a throw."""
 
     error: float
@@ -218,69 +178,61 @@ class _PractisedThrow(NamedTuple):
     came_about: bool
 
 
-def _throw(
-    session: Session, skill: PractisingSkill, target: np.ndarray, learn: bool = False
-) -> _PractisedThrow:
+def practise(
+    session: Session, skill: PractisingSkill, target: np.ndarray, learn: bool = True
+) -> PractisedThrow:
     """One throw; only one that is practised is learned from."""
     try:
         plan = skill.plan(target, explore=learn)
         trial = session.throw(plan)
     except ValueError as reason:
-        return _PractisedThrow(np.nan, False, np.nan, str(reason), False)
-    error = float(trial.outcome.landing_error)
+        return PractisedThrow(np.nan, False, np.nan, str(reason), False)
+    error, inside = float(trial.outcome.landing_error), trial.outcome.in_basket
     if not learn:
-        return _PractisedThrow(error, trial.outcome.in_basket, error, "", True)
+        return PractisedThrow(error, inside, error, "", True)
     told = skill.tell(plan, trial.demonstration)
     miss = np.hypot(*told.left) if np.isfinite(told.left).all() else error
-    return _PractisedThrow(
-        error, trial.outcome.in_basket, float(miss), "" if told.kept else told.reason, True
-    )
+    return PractisedThrow(error, inside, float(miss), "" if told.kept else told.reason, True)
 
 
-def summarise(results: list[PracticeRun]) -> list[dict]:
+KIND = ("method", "demonstrations", "change")
+"""What makes a group of runs."""
+
+
+def summarise(results: list[dict]) -> list[dict]:
     """One row per method, demonstrations, change and number of practised throws: throws of the
     tests, share in the basket, median and 90 % of their error [cm], how many had none, and in how
     many runs the mean error was larger than before by more than two standard errors of the
     difference (`worse`); after the last ones floor_cm, the median of what one plan scatters, if
     that was seen.
     """
-    groups: dict[tuple, list[PracticeRun]] = {}
+    groups: dict[tuple, list[dict]] = {}
     for one in results:
-        groups.setdefault((one.task.method, one.task.demonstrations, one.task.change), []).append(
-            one
-        )
+        groups.setdefault(tuple(one["task"][name] for name in KIND), []).append(one)
     rows = []
-    for (method, demonstrations, change), group in groups.items():
-        for k, after in enumerate(group[0].task.tested_after):
-            errors = 100 * np.array([error for one in group for error in one.test_errors[k]])
-            inside = [went_in for one in group for went_in in one.test_in_basket[k]]
-            quantiles = (
-                np.nanpercentile(errors, [50, 90]) if np.isfinite(errors).any() else [np.nan] * 2
-            )
-            rows.append(
-                {
-                    "method": method,
-                    "demonstrations": demonstrations,
-                    "change": change,
-                    "after": after,
-                    "runs": len(group),
-                    "throws": len(errors),
-                    "in": float(np.mean(inside)),
-                    "median_cm": round(float(quantiles[0]), 3),
-                    "p90_cm": round(float(quantiles[1]), 3),
-                    "without_error": int(np.isnan(errors).sum()),
-                    "worse": sum(
-                        _is_worse(one.test_errors[0], one.test_errors[k]) for one in group
-                    ),
-                    "floor_cm": _floor(group)
-                    if k == len(group[0].task.tested_after) - 1
-                    else None,
-                }  # fmt: skip
-            )
+    for kind, group in groups.items():
+        scatter = np.array([one for run in group for part in run["spreads"] for one in part])
+        scatter = scatter[np.isfinite(scatter)]
+        floor = round(100.0 * float(np.median(scatter)), 3) if len(scatter) else None
+        tested = group[0]["task"]["tested_after"]
+        for k, after in enumerate(tested):
+            errors = 100 * np.array([error for one in group for error in one["test_errors"][k]])
+            seen, quantiles = errors[np.isfinite(errors)], [np.nan, np.nan]
+            if len(seen):
+                quantiles = np.percentile(seen, [50, 90]).round(3).tolist()
+            inside = [went_in for one in group for went_in in one["test_in_basket"][k]]
+            row: dict[str, Any] = dict(zip(KIND, kind, strict=True))
+            row |= {"after": after, "runs": len(group), "throws": len(errors)}
+            row |= {"in": float(np.mean(inside)), "without_error": len(errors) - len(seen)}
+            row |= {"median_cm": quantiles[0], "p90_cm": quantiles[1]}
+            tests = [one["test_errors"] for one in group]
+            row["worse"] = sum(is_worse(test[0], test[k]) for test in tests)
+            row["floor_cm"] = floor if k == len(tested) - 1 else None
+            rows.append(row)
     return rows
 
 
-def _is_worse(before: tuple[float, ...], after: tuple[float, ...]) -> bool:
+def is_worse(before: list[float], after: list[float]) -> bool:
     """Whether the mean of `after` is larger by more than two standard errors of the difference
     (Welch); nan does not count.
     """
@@ -291,18 +243,7 @@ def _is_worse(before: tuple[float, ...], after: tuple[float, ...]) -> bool:
     return bool(samples[1].mean() - samples[0].mean() > 2.0 * doubt)
 
 
-def _floor(group: list[PracticeRun]) -> float | None:
-    distances = [
-        distance
-        for one in group
-        for spread in one.spreads
-        for distance in spread
-        if np.isfinite(distance)
-    ]
-    return round(100.0 * float(np.median(distances)), 3) if distances else None
-
-
-def table(results: list[PracticeRun]) -> str:
+def table(results: list[dict]) -> str:
     """The rows of `summarise` as text: one line per method, one column per number of practised
     throws.
     """
@@ -311,41 +252,22 @@ def table(results: list[PracticeRun]) -> str:
     with_floor = any(row["floor_cm"] is not None for row in rows)
     heads = [f"{f'after {n}':>23}" for n in counts] + [f"{'floor':>8}"] * with_floor
     lines = [f"{'method':<11}{'shown':>6}  {'change':<15}{'runs':>5}" + "".join(heads)]
-    for method, demonstrations, change in dict.fromkeys(
-        (row["method"], row["demonstrations"], row["change"]) for row in rows
-    ):
-        own = {
-            row["after"]: row
-            for row in rows
-            if (row["method"], row["demonstrations"], row["change"])
-            == (method, demonstrations, change)
-        }
+    for kind in dict.fromkeys(tuple(row[name] for name in KIND) for row in rows):
+        own = {row["after"]: row for row in rows if tuple(row[name] for name in KIND) == kind}
         cells = "".join(_cell(own.get(n)).rjust(23) for n in counts)
-        floor = own[max(own)]["floor_cm"]
-        cells += "" if floor is None else f"{floor:>8.3f}"
-        lines.append(
-            f"{method:<11}{demonstrations:>6} "
-            f" {change:<15}{next(iter(own.values()))['runs']:>5}{cells}"
-        )
-    what = (
+        last, (method, demonstrations, change) = own[max(own)], kind
+        cells += "" if last["floor_cm"] is None else f"{last['floor_cm']:>8.3f}"
+        lines.append(f"{method:<11}{demonstrations:>6}  {change:<15}{last['runs']:>5}{cells}")
+    said = (
         "median and 90 % of the landing error [cm], share in the basket, of throws from which"
         " nothing was learned, runs that got worse"
     )
-    return "\n".join(
-        [
-            *lines,
-            what
-            + (
-                "; floor: median distance from the centre of one plan's hits" if with_floor else ""
-            ),
-        ]
-    )
+    floor = "; floor: median distance from the centre of one plan's hits" if with_floor else ""
+    return "\n".join([*lines, said + floor])
 
 
 def _cell(row: dict | None) -> str:
-    worse = f" {row['worse']}" if row and row["after"] else ""
-    return (
-        f"{row['median_cm']:.2f} {row['p90_cm']:.1f} {100 * row['in']:.0f} %{worse}"
-        if row
-        else "-"
-    )
+    if row is None:
+        return "-"
+    worse = f" {row['worse']}" if row["after"] else ""
+    return f"{row['median_cm']:.2f} {row['p90_cm']:.1f} {100 * row['in']:.0f} %{worse}"

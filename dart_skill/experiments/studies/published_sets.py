@@ -10,12 +10,17 @@ user names the folder.
   Panda arm (Auddy et al. 2023).
 * Movements of a Panda arm between a pose at its start and one at its end (TP-GMM of Z. Wasfy,
   after that of B. Saduanov).
+
+`pbdlib_mixture` is of pbdlib-python itself, beside which experiments and benchmarks measure ours.
 """
 
 from __future__ import annotations
 
+import importlib
 import os
 import re
+import sys
+import types
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -28,16 +33,19 @@ from dart_skill.common.checks import as_samples
 from dart_skill.movement import TaskFrame, make_continuous
 
 LASA_PAGE = "https://github.com/epfl-lasa/LASAHandwritingDataset"
+"""Where LASA handwriting is published."""
 PBDLIB_PAGE = "https://gitlab.idiap.ch/rli/pbdlib-python"
+"""Where the sets of pbdlib-python are published."""
 CLFD_PAGE = "https://github.com/sayantanauddy/clfd"
+"""Where letters and tasks of a Panda arm are published."""
+TPGMM_PAGE = "https://github.com/zizowasfy/TP-GMM"
+"""Where the sets of TP-GMM are published."""
 CLFD_RATE = 60.0
 """Samples per second of its sets [1/s], as its own reader has it."""
-TPGMM_PAGE = "https://github.com/zizowasfy/TP-GMM"
 STEP = 0.01
 """Task-parameterised sets have no stamps in seconds: their samples are taken to be so far apart
 [s].
 """
-FIRST_OF_SEVERAL = "Multi_Models"
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +86,7 @@ def lasa_shapes(folder: Path, *, several: bool = False) -> dict[str, list[Demons
         There are no such files, or one cannot be read.
     """
     files = sorted((folder / "DataSet" if (folder / "DataSet").is_dir() else folder).glob("*.mat"))
-    files = [file for file in files if file.stem.startswith(FIRST_OF_SEVERAL) == several]
+    files = [file for file in files if file.stem.startswith("Multi_Models") == several]
     if not files:
         raise ValueError(
             f"{folder} holds no DataSet/*.mat of LASA handwriting; it is published at {LASA_PAGE}"
@@ -99,20 +107,21 @@ def pbdlib_sets(folder: Path) -> dict[str, list[Demonstrated]]:
     ValueError
         There are no such files, or one cannot be read.
     """
-    place = _place_of(
-        folder,
-        ("pbdlib/data/TPGMM", "data/TPGMM", "TPGMM"),
-        "*_tp_0_d_0_A.npy",
-        "of pbdlib/data/TPGMM",
-        PBDLIB_PAGE,
-    )
-    names = sorted(
-        file.name.removesuffix("_tp_0_d_0_A.npy") for file in place.glob("*_tp_0_d_0_A.npy")
-    )
-    return {
-        name: [_read(file, _pbdlib_one, PBDLIB_PAGE) for file in _numbered(place, name)]
-        for name in names
-    }
+    below, first = ("pbdlib/data/TPGMM", "data/TPGMM", "TPGMM"), "_tp_0_d_0_A.npy"
+    place = _place_of(folder, below, f"*{first}", "of pbdlib/data/TPGMM", PBDLIB_PAGE)
+    sets = {}
+    for name in sorted(file.name.removesuffix(first) for file in place.glob(f"*{first}")):
+        # name0.npy, name1.npy, ... or name_0.npy, ...
+        numbers = {
+            int(match.group(1)): file
+            for file in place.glob(f"{name}*.npy")
+            if (match := re.fullmatch(re.escape(name) + r"_?(\d+)", file.stem))
+        }
+        sets[name] = [
+            _read(file, partial(_pbdlib_one, name, number), PBDLIB_PAGE)
+            for number, file in sorted(numbers.items())
+        ]
+    return sets
 
 
 def helloworld_sets(folder: Path) -> dict[str, list[Demonstrated]]:
@@ -187,14 +196,11 @@ def tpgmm_sets(folder: Path) -> dict[str, list[Demonstrated]]:
         sets.setdefault(stamps.tobytes(), {})[file.stem] = one
     named: dict[str, list[Demonstrated]] = {}
     for one in sets.values():
-        name = (
-            f"{os.path.commonprefix(list(one)).rstrip('_')}_{len(next(iter(one.values())).time)}"
+        first, shown = next(iter(one)), list(one.values())
+        name = f"{os.path.commonprefix(list(one)).rstrip('_')}_{len(shown[0].time)}"
+        named[f"{name}_from_{first.removesuffix('_sample_Data')}" if name in named else name] = (
+            shown
         )
-        named[
-            name
-            if name not in named
-            else f"{name}_from_{next(iter(one)).removesuffix('_sample_Data')}"
-        ] = list(one.values())
     return named
 
 
@@ -230,34 +236,16 @@ def _lasa_shape(file: Path) -> list[Demonstrated]:
     ]
 
 
-def _numbered(place: Path, name: str) -> list[Path]:
-    """The demonstrations name0.npy, name1.npy, ... or name_0.npy, ..., in order."""
-    numbers = {
-        file: re.fullmatch(re.escape(name) + r"_?(\d+)", file.stem)
-        for file in place.glob(f"{name}*.npy")
-    }
-    return sorted(
-        (file for file, number in numbers.items() if number),
-        key=lambda file: int(re.findall(r"\d+", file.stem)[-1]),
-    )
-
-
-def _pbdlib_one(file: Path) -> Demonstrated:
+def _pbdlib_one(name: str, number: int, file: Path) -> Demonstrated:
     """Rows hold the position as seen from each frame, one after the other; frames: matrix A (2, 2)
     and origin b (2,) of each.
     """
-    rows, number = (
-        as_samples(np.load(file, allow_pickle=False), "samples"),
-        int(re.findall(r"\d+", file.stem)[-1]),
-    )
-    name = re.sub(r"_?\d+$", "", file.stem)
+    rows = as_samples(np.load(file, allow_pickle=False), "samples")
     frames = []
     for matrix_file in sorted(file.parent.glob(f"{name}_tp_*_d_{number}_A.npy")):
-        matrix = np.eye(3)
+        origin_file = matrix_file.with_name(matrix_file.name.replace("_A.npy", "_b.npy"))
+        matrix, offset = np.eye(3), np.load(origin_file, allow_pickle=False)
         matrix[1:, 1:] = np.load(matrix_file, allow_pickle=False)
-        offset = np.load(
-            matrix_file.with_name(matrix_file.name.replace("_A.npy", "_b.npy")), allow_pickle=False
-        )
         frames.append(TaskFrame(matrix, np.concatenate([[0.0], offset])))
     position = rows[:, :2] @ frames[0].A[1:, 1:].T + frames[0].b[1:]
     return Demonstrated(STEP * np.arange(len(rows)), position, tuple(frames))
@@ -271,10 +259,9 @@ def _tpgmm_one(file: Path) -> tuple[np.ndarray, Demonstrated]:
     n, d = columns.shape
     frames = []
     for matrices_file in sorted(file.parent.glob(file.name.replace("_Data.txt", "_frame*_A.txt"))):
+        offsets_file = matrices_file.with_name(matrices_file.name.replace("_A.txt", "_b.txt"))
         matrices = np.loadtxt(matrices_file, delimiter=",").reshape(d, -1, d)
-        offsets = np.loadtxt(
-            matrices_file.with_name(matrices_file.name.replace("_A.txt", "_b.txt")), delimiter=","
-        ).reshape(d, -1)
+        offsets = np.loadtxt(offsets_file, delimiter=",").reshape(d, -1)
         if (matrices != matrices[:, :1]).any() or (offsets != offsets[:, :1]).any():
             raise ValueError(
                 f"{matrices_file.name}: the frame moves, and only frames that stay are known here"
@@ -290,11 +277,42 @@ def _clfd_one(n_columns: int, file: Path) -> list[Demonstrated]:
     every = np.asarray(np.load(file, allow_pickle=False), dtype=float)
     if every.ndim != 3 or every.shape[2] < n_columns:
         raise ValueError(f"demonstrations must have shape (N, n, {n_columns}), got {every.shape}")
-    time = np.arange(every.shape[1]) / CLFD_RATE
-    rows = [as_samples(one[:, :n_columns], "samples") for one in every]
-    if n_columns == 2:
-        return [Demonstrated(time, one) for one in rows]
-    return [
-        Demonstrated(time, one[:, :3], orientation=make_continuous(one[:, [4, 5, 6, 3]]))
-        for one in rows
-    ]
+    time, found = np.arange(every.shape[1]) / CLFD_RATE, []
+    for one in every:
+        rows = as_samples(one[:, :n_columns], "samples")
+        turned = None if n_columns == 2 else make_continuous(rows[:, [4, 5, 6, 3]])
+        found.append(Demonstrated(time, rows[:, :3], orientation=turned))
+    return found
+
+
+def pbdlib_mixture(folder: str | Path) -> Any:
+    """The class GMM of a checkout of pbdlib-python, without the plots and Gaussians that load with
+    it, which are not used.
+
+    pbdlib-python is no package: folder is its checkout for Python 3, in which pbdlib/gmm.py is.
+
+    Raises
+    ------
+    ValueError
+        It is not there.
+    """
+    package = Path(folder) / "pbdlib"
+    if not (package / "gmm.py").is_file():
+        raise ValueError(
+            f"there is no pbdlib/gmm.py in {folder}: give the checkout of pbdlib-python"
+        )
+    stand_ins: dict[str, dict[str, Any]] = {
+        "pbdlib": {"__path__": [str(package)]},
+        "pbdlib.utils": {"__path__": [str(package / "utils")]},
+        "pbdlib.mvn": {"MVN": type("MVN", (), {})},
+        "pbdlib.plot": {"plot_gmm": None},
+    }
+    if "termcolor" not in sys.modules:
+        stand_ins["termcolor"] = {"colored": None}
+    for name, content in stand_ins.items():
+        sys.modules[name] = types.ModuleType(name)
+        vars(sys.modules[name]).update(content)
+    if (package / "utils" / "gaussian_utils.py").is_file():
+        used = importlib.import_module("pbdlib.utils.gaussian_utils").gaussian_moment_matching
+        vars(sys.modules["pbdlib.utils"])["gaussian_moment_matching"] = used
+    return importlib.import_module("pbdlib.gmm").GMM

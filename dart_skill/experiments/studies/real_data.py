@@ -36,11 +36,11 @@ from typing import Any
 import numpy as np
 
 from dart_skill.experiments.parallel import all_of
-from dart_skill.experiments.studies.peers import pbdlib_mixture
 from dart_skill.experiments.studies.published_sets import (
     Demonstrated,
     helloworld_sets,
     lasa_shapes,
+    pbdlib_mixture,
     pbdlib_sets,
     robotasks_sets,
     tpgmm_sets,
@@ -63,23 +63,21 @@ from dart_skill.movement import (
 from dart_skill.movement.pose import DiscretePosePrimitive, PoseDSGMR, PoseFrame, angles_between
 
 N_TRAIN = 4
+"""Number of demonstrations that are learned from."""
 N_SAMPLES = 500
-"""Samples of both paths that are compared, for handwriting."""
-GRID = 5
-"""Starts along either side of the grid."""
+"""Samples of both paths that are compared, for handwriting and a led arm."""
 NEAR = 1.0
 """How near the goal a start must end [mm]."""
 COMPONENTS = 8
+"""Components of a mixture."""
 WEIGHTS = 50
-STEP = 0.01
+"""Weights of a primitive for each dimension."""
 PATIENCE = 8.0
 """Time that a start of the grid gets, in mean durations."""
 STILL = [TaskFrame(np.eye(3), np.zeros(3))]
-PATH_SAMPLES = 200
-"""Samples of a path that is retimed."""
+"""The frame of the world, of [t, x, y]."""
 PEER = "movement_primitives"
-PEER_REGULARISATION = 1e-8
-"""Default of pbdlib, which it adds on the diagonal of its covariances."""
+"""A package that is compared, where it is installed."""
 Reproduce = Callable[[np.ndarray], np.ndarray]
 """From a start (d,) to a path (n, d)."""
 Generalise = Callable[
@@ -146,73 +144,79 @@ def run(
     ValueError
         It holds none, or not a shape that is named.
     """
-    work: list[tuple[str, str, list[Demonstrated]]] = []
+    work: list[tuple[Callable, str, list[Demonstrated]]] = []
     problems = []
-    for kind, load in (
-        ("handwriting", lasa_shapes),
-        ("patterns", partial(lasa_shapes, several=True)),
-        ("led", helloworld_sets),
-        ("poses", robotasks_sets),
-        ("frames", pbdlib_sets),
-        ("frames", tpgmm_sets),
+    for score, load in (
+        (handwriting, lasa_shapes),
+        (several_patterns, partial(lasa_shapes, several=True)),
+        (led, helloworld_sets),
+        (poses, robotasks_sets),
+        (partial(left_out, pbdlib=pbdlib), pbdlib_sets),
+        (partial(left_out, pbdlib=pbdlib), tpgmm_sets),
     ):
         try:
-            work += [(kind, name, demonstrations) for name, demonstrations in load(folder).items()]
+            work += [(score, *named) for named in load(folder).items()]
         except ValueError as error:
             problems.append(str(error))
     if not work or any("cannot be read" in problem for problem in problems):
         raise ValueError("; ".join(problems))
-    unknown = set(shapes) - {name for _, name, _ in work}
-    if unknown:
+    names = [name for _, name, _ in work]
+    if unknown := set(shapes) - set(names):
         raise ValueError(
-            f"there is no {', '.join(sorted(unknown))} in {folder}; it holds"
-            f" {', '.join(name for _, name, _ in work)}"
+            f"there is no {', '.join(sorted(unknown))} in {folder}; it holds {', '.join(names)}"
         )
-    work = [one for one in work if not shapes or one[1] in shapes]
     if pbdlib is not None:
         pbdlib_mixture(pbdlib)  # a wrong folder is said before anything takes its time
-    return all_of(partial(_scored, work, pbdlib), list(range(len(work))), jobs)
+    return all_of(_scored, [one for one in work if not shapes or one[1] in shapes], jobs)
 
 
-def _scored(
-    work: Sequence[tuple[str, str, list[Demonstrated]]], pbdlib: Path | None, i: int
+def _scored(work: tuple[Callable, str, list[Demonstrated]]) -> list[Score]:
+    score, name, demonstrations = work
+    return score(name, demonstrations)
+
+
+def _scores(
+    kind: str,
+    name: str,
+    methods: dict[str, Reproduce],
+    paths: list[np.ndarray],
+    distance: Callable[[np.ndarray, np.ndarray], float],
 ) -> list[Score]:
-    kind, name, demonstrations = work[i]
-    if kind == "frames":
-        return left_out(name, demonstrations, pbdlib)
-    return {"handwriting": handwriting, "patterns": several_patterns, "led": led, "poses": poses}[
-        kind
-    ](name, demonstrations)
+    """Mean distances of what methods make of the starts of paths from these paths."""
+    scores = []
+    for method, reproduce in methods.items():
+        errors = [distance(reproduce(path[0]), path) for path in paths]
+        train, test = float(np.mean(errors[:N_TRAIN])), float(np.mean(errors[N_TRAIN:]))
+        scores.append(Score(kind, name, method, train, test))
+    return scores
+
+
+def _on_one_clock(
+    demonstrations: Sequence[Demonstrated], rows: Sequence[np.ndarray]
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """N_SAMPLES stamps over the mean duration, and the rows of each demonstration at them."""
+    duration = float(np.mean([one.time[-1] - one.time[0] for one in demonstrations]))
+    return duration * np.linspace(0.0, 1.0, N_SAMPLES), [resampled(one, N_SAMPLES) for one in rows]
 
 
 def handwriting(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score]:
     """The methods on one shape."""
-    shown = demonstrations[:N_TRAIN]
-    duration = float(np.mean([one.time[-1] - one.time[0] for one in shown]))
-    clock = duration * np.linspace(0.0, 1.0, N_SAMPLES)
-    paths = [resampled(one.position, N_SAMPLES) for one in demonstrations]
+    positions = [one.position for one in demonstrations]
+    clock, paths = _on_one_clock(demonstrations[:N_TRAIN], positions)
     policy = _driven_by_state(clock, paths[:N_TRAIN])
-    methods: dict[str, Reproduce] = {
-        "AutonomousDSGMR": partial(_until_rest, policy, duration),
-        "DSGMR": _driven_by_clock(clock, paths[:N_TRAIN]),
-        "DiscretePrimitive, nearest": _nearest_primitive(clock, paths[:N_TRAIN]),
-    }
-    if importlib.util.find_spec(PEER) is not None:
-        methods[f"{PEER}, nearest"] = _nearest_peer(clock, paths[:N_TRAIN])
-    arrived = {"AutonomousDSGMR": _arrived(policy, paths, duration)}
-    scores = []
-    for method, reproduce in methods.items():
-        errors = [
-            warped_distance(resampled(reproduce(path[0]), N_SAMPLES), path)[0] for path in paths
-        ]
-        train, test = float(np.mean(errors[:N_TRAIN])), float(np.mean(errors[N_TRAIN:]))
-        scores.append(Score("handwriting", name, method, train, test, arrived.get(method, np.nan)))
-    return scores
+    methods = {"AutonomousDSGMR": partial(_until_rest, policy, clock[-1])}
+    methods |= _driven_by_time(clock, paths[:N_TRAIN])
+    first, *others = _scores("handwriting", name, methods, paths, _warped)
+    return [replace(first, arrived=_arrived(policy, paths, clock[-1])), *others]
+
+
+def _warped(made: np.ndarray, path: np.ndarray) -> float:
+    return warped_distance(resampled(made, N_SAMPLES), path)[0]
 
 
 def several_patterns(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score]:
-    """Each demonstration left out once: what the others make of its start, as one pattern, and as
-    those that are found.
+    """Each demonstration left out once: what the others make of its start, as driven by the state,
+    as one pattern, and as those that are found.
     """
     paths = [resampled(one.position, N_SAMPLES) for one in demonstrations]
     errors = []
@@ -220,77 +224,61 @@ def several_patterns(name: str, demonstrations: Sequence[Demonstrated]) -> list[
         others = [j for j in range(len(paths)) if j != i]
         found = find_patterns([paths[j] for j in others])
         own = [others[k] for k in found.groups[found.beginning_at(path[0])]]
-        errors.append(
-            [
-                _error_of(path, [paths[j] for j in used], [demonstrations[j] for j in used])
-                for used in (others, own)
-            ]
-        )
-    in_one, each = np.mean(errors, axis=0)
+        for used in (others, own):
+            shown = [demonstrations[j] for j in used]
+            clock, learned = _on_one_clock(shown, [one.position for one in shown])
+            policy = _driven_by_state(clock, learned)
+            errors.append(_warped(_until_rest(policy, clock[-1], path[0]), path))
+    in_one, each = np.reshape(errors, (-1, 2)).mean(axis=0)
     words = f"{len(find_patterns(paths).groups)} patterns"
     return [
-        Score("patterns", name, "AutonomousDSGMR, one pattern", np.nan, float(in_one)),
-        Score("patterns", name, f"AutonomousDSGMR, {words}", np.nan, float(each)),
+        Score("patterns", name, f"AutonomousDSGMR, {how}", np.nan, float(error))
+        for how, error in (("one pattern", in_one), (words, each))
     ]
-
-
-def _error_of(
-    path: np.ndarray, shown: list[np.ndarray], demonstrations: Sequence[Demonstrated]
-) -> float:
-    """DTWD [mm] of a path from what these demonstrations make of its start, as driven by the
-    state.
-    """
-    duration = float(np.mean([one.time[-1] - one.time[0] for one in demonstrations]))
-    policy = _driven_by_state(duration * np.linspace(0.0, 1.0, N_SAMPLES), shown)
-    return warped_distance(resampled(_until_rest(policy, duration, path[0]), N_SAMPLES), path)[0]
 
 
 def _driven_by_state(clock: np.ndarray, paths: list[np.ndarray]) -> AutonomousPolicy:
     motions = [smooth_derivatives(clock, path) for path in paths]
-    return (
-        AutonomousDSGMR(COMPONENTS)
-        .fit([clock] * len(paths), motions, [STILL] * len(paths))
-        .policy(STILL)
-    )
+    n = len(paths)
+    return AutonomousDSGMR(COMPONENTS).fit([clock] * n, motions, [STILL] * n).policy(STILL)
 
 
 def _until_rest(policy: AutonomousPolicy, duration: float, start: np.ndarray) -> np.ndarray:
     """The path (n, d) from a start at rest until its end stays within NEAR of the goal."""
-    run = policy.run(start, np.zeros_like(start), step=STEP, duration=PATIENCE * duration)
+    run = policy.run(start, np.zeros_like(start), step=0.01, duration=PATIENCE * duration)
     away = np.flatnonzero(np.linalg.norm(run.position - policy.goal, axis=1) > NEAR)
     return run.position[: away[-1] + 2 if len(away) else 2]
 
 
 def _arrived(policy: AutonomousPolicy, paths: list[np.ndarray], duration: float) -> float:
+    """Share of a grid of 5 x 5 starts that end at the goal."""
     every, goal = np.vstack(paths), np.mean([path[-1] for path in paths[:N_TRAIN]], axis=0)
-    axes = [
-        np.linspace(least, most, GRID)
-        for least, most in zip(every.min(axis=0), every.max(axis=0), strict=True)
-    ]
+    axes = np.linspace(every.min(axis=0), every.max(axis=0), 5).T
     starts = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, len(axes))
-    ends = [
-        policy.run(
-            start, np.zeros_like(start), step=2.0 * STEP, duration=PATIENCE * duration
-        ).position[-1]
-        for start in starts
-    ]
-    return float(np.mean(np.linalg.norm(np.array(ends) - goal, axis=1) < NEAR))
+    still, how = np.zeros(len(axes)), {"step": 0.02, "duration": PATIENCE * duration}
+    ends = np.array([policy.run(start, still, **how).position[-1] for start in starts])
+    return float(np.mean(np.linalg.norm(ends - goal, axis=1) < NEAR))
 
 
-def _driven_by_clock(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
-    """DS-GMR in two frames: one begins where the movement begins, the other stands at the goal.
-    Time counts once in their product.
+def _driven_by_time(clock: np.ndarray, paths: list[np.ndarray]) -> dict[str, Reproduce]:
+    """Methods with a clock. DS-GMR in two frames: one begins where the movement begins, the other
+    stands at the goal; time counts once in their product.
     """
     model = DSGMR(COMPONENTS, n_shared=1)
-    model.fit(
-        [model.encode(clock, path, faults="keep") for path in paths],
-        [_from_start(path[0]) for path in paths],
-    )
-    return lambda start: (
-        model.reproduce(
-            _from_start(start), clock, start, np.zeros_like(start), covariance=False
-        ).position
-    )
+    encoded = [model.encode(clock, path, faults="keep") for path in paths]
+    model.fit(encoded, [_from_start(path[0]) for path in paths])
+    options: dict[str, Any] = {"covariance": False}
+
+    def by_ds_gmr(start: np.ndarray) -> np.ndarray:
+        still = np.zeros_like(start)
+        return model.reproduce(_from_start(start), clock, start, still, **options).position
+
+    primitives = [DiscretePrimitive(WEIGHTS).fit(clock, path) for path in paths]
+    methods: dict[str, Reproduce] = {"DSGMR": by_ds_gmr}
+    methods["DiscretePrimitive, nearest"] = _nearest_of(primitives, clock, paths, "position")
+    if importlib.util.find_spec(PEER) is not None:
+        methods[f"{PEER}, nearest"] = _nearest_peer("DMP", clock, paths, range(paths[0].shape[1]))
+    return methods
 
 
 def _from_start(start: np.ndarray) -> list[TaskFrame]:
@@ -306,137 +294,81 @@ def _nearest(paths: list[np.ndarray], start: np.ndarray) -> int:
     return int(np.argmin([np.linalg.norm(path[0, :3] - start[:3]) for path in paths]))
 
 
-def _nearest_primitive(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
-    return _nearest_of(
-        [DiscretePrimitive(WEIGHTS).fit(clock, path) for path in paths],
-        clock,
-        paths,
-        lambda made: made.position,
-    )
-
-
-def _nearest_pose(
-    clock: np.ndarray, paths: list[np.ndarray], regression: str = "joint"
-) -> Reproduce:
-    primitives = [
-        DiscretePosePrimitive(WEIGHTS, regression=regression).fit(clock, path) for path in paths
-    ]
-    return _nearest_of(primitives, clock, paths, lambda made: made.pose)
-
-
 def _nearest_of(
-    primitives: Sequence[Any],
-    clock: np.ndarray,
-    paths: list[np.ndarray],
-    rows: Callable[[Any], np.ndarray],
+    primitives: Sequence[Any], clock: np.ndarray, paths: list[np.ndarray], rows: str
 ) -> Reproduce:
-    """By the primitive, of positions or of poses, of the path that begins nearest. rows: of what
-    it made.
-    """
+    """By the primitive of the path that begins nearest. rows: "position", or "pose"."""
 
     def reproduce(start: np.ndarray) -> np.ndarray:
         primitive = primitives[_nearest(paths, start)]
-        return rows(primitive.open_loop(clock, primitive.begin(start)))
+        return getattr(primitive.open_loop(clock, primitive.begin(start)), rows)
 
     return reproduce
 
 
-def _nearest_peer(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
-    peer_class = importlib.import_module(f"{PEER}.dmp").DMP
+def _nearest_peer(
+    kind: str, clock: np.ndarray, paths: list[np.ndarray], order: Sequence[int]
+) -> Reproduce:
+    """By a primitive of the peer. order: of its columns, whose quaternions begin with w."""
+    peer_class, columns = getattr(importlib.import_module(f"{PEER}.dmp"), kind), list(order)
+    options = {"n_dims": len(columns)} if kind == "DMP" else {}
 
     def reproduce(start: np.ndarray) -> np.ndarray:
-        path = paths[_nearest(paths, start)]
+        path = paths[_nearest(paths, start)][:, columns]
         peer = peer_class(
-            n_dims=path.shape[1], execution_time=clock[-1], dt=clock[1], n_weights_per_dim=WEIGHTS
+            execution_time=clock[-1], dt=clock[1], n_weights_per_dim=WEIGHTS, **options
         )
         peer.imitate(clock, path)
-        peer.configure(start_y=start, goal_y=path[-1])
-        return peer.open_loop()[1]
+        peer.configure(start_y=start[columns], goal_y=path[-1])
+        return resampled(peer.open_loop()[1][:, np.argsort(columns)], N_SAMPLES)
 
     return reproduce
 
 
 def led(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score]:
     """The methods on positions of one set of a led arm."""
-    clock, paths = _on_one_clock(demonstrations, [one.position for one in demonstrations])
-    shown = paths[:N_TRAIN]
-    methods: dict[str, Reproduce] = {
-        "DSGMR": _driven_by_clock(clock, shown),
-        "DiscretePrimitive, nearest": _nearest_primitive(clock, shown),
-    }
-    if importlib.util.find_spec(PEER) is not None:
-        methods[f"{PEER}, nearest"] = _nearest_peer(clock, shown)
-    scores = []
-    for method, reproduce in methods.items():
-        errors = [_mean_distance(reproduce(path[0]), path) for path in paths]
-        scores.append(
-            Score(
-                "led",
-                name,
-                method,
-                float(np.mean(errors[:N_TRAIN])),
-                float(np.mean(errors[N_TRAIN:])),
-            )
-        )
-    return scores
+    positions = [one.position for one in demonstrations]
+    clock, paths = _on_one_clock(demonstrations[:N_TRAIN], positions)
+    return _scores("led", name, _driven_by_time(clock, paths[:N_TRAIN]), paths, _mean_distance)
 
 
 def poses(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score]:
     """The methods on one set of a led arm with orientations: those on positions, and those on
     poses.
     """
-    clock, paths = _on_one_clock(demonstrations, [_pose_rows(one) for one in demonstrations])
-    paths = [
-        np.hstack([path[:, :3], path[:, 3:] / np.linalg.norm(path[:, 3:], axis=1, keepdims=True)])
-        for path in paths
-    ]
+    rows = [np.column_stack([one.position, one.orientation]) for one in demonstrations]
+    clock, paths = _on_one_clock(demonstrations[:N_TRAIN], rows)
+    for path in paths:
+        path[:, 3:] /= np.linalg.norm(path[:, 3:], axis=1, keepdims=True)
     shown = paths[:N_TRAIN]
+
+    def frames(start: np.ndarray) -> list[PoseFrame]:
+        return [PoseFrame(start[:3]), PoseFrame(np.zeros(3))]
+
+    model = PoseDSGMR(COMPONENTS)
+    encoded = [model.encode(clock, path) for path in shown]
+    model.fit(encoded, [frames(path[0]) for path in shown])
     methods: dict[str, Reproduce] = {
-        "PoseDSGMR": _pose_ds_gmr(clock, shown),
-        "DiscretePosePrimitive, nearest": _nearest_pose(clock, shown),
-        "the same, by path": _nearest_pose(clock, shown, "path"),
+        "PoseDSGMR": lambda start: model.reproduce(frames(start), clock, start).pose
     }
+    for words, how in (("DiscretePosePrimitive, nearest", "joint"), ("the same, by path", "path")):
+        made = [DiscretePosePrimitive(WEIGHTS, regression=how).fit(clock, path) for path in shown]
+        methods[words] = _nearest_of(made, clock, shown, "pose")
     if importlib.util.find_spec(PEER) is not None:
-        methods["CartesianDMP, nearest"] = _nearest_pose_peer(clock, shown)
-    scores = []
-    for method, reproduce in methods.items():
-        made = [reproduce(path[0]) for path in paths]
-        errors = [
-            _mean_distance(one[:, :3], path[:, :3]) for one, path in zip(made, paths, strict=True)
-        ]
-        angles = [
-            _mean_angle(one[:, 3:], path[:, 3:]) for one, path in zip(made, paths, strict=True)
-        ]
-        worst = max(
-            float(np.degrees(angles_between(one[:, 3:], path[:, 3:]).max()))
-            for one, path in zip(made, shown, strict=False)
-        )
-        train, test = float(np.mean(errors[:N_TRAIN])), float(np.mean(errors[N_TRAIN:]))
-        scores.append(
-            Score(
-                "poses",
-                name,
-                method,
-                train,
-                test,
-                turned=float(np.mean(angles[N_TRAIN:])),
-                worst=worst,
-            )
-        )
-    return [*(replace(one, kind="poses") for one in led(name, demonstrations)), *scores]
+        w_first = [0, 1, 2, 6, 3, 4, 5]
+        methods["CartesianDMP, nearest"] = _nearest_peer("CartesianDMP", clock, shown, w_first)
+    scores = [replace(one, kind="poses") for one in led(name, demonstrations)]
+    for one in _scores("poses", name, methods, paths, _position_distance):
+        made = [methods[one.method](path[0])[:, 3:] for path in paths]
+        pairs = [(turned, path[:, 3:]) for turned, path in zip(made, paths, strict=True)]
+        turned = float(np.mean([mean_angle(*pair) for pair in pairs[N_TRAIN:]]))
+        worst = max(angles_between(*pair).max() for pair in pairs[:N_TRAIN])
+        scores.append(replace(one, turned=turned, worst=float(np.degrees(worst))))
+    return scores
 
 
-def _on_one_clock(
-    demonstrations: Sequence[Demonstrated], rows: Sequence[np.ndarray]
-) -> tuple[np.ndarray, list[np.ndarray]]:
-    """N_SAMPLES stamps over the mean duration, and the rows of each demonstration at them."""
-    duration = float(np.mean([one.time[-1] - one.time[0] for one in demonstrations[:N_TRAIN]]))
-    return duration * np.linspace(0.0, 1.0, N_SAMPLES), [resampled(one, N_SAMPLES) for one in rows]
-
-
-def _pose_rows(one: Demonstrated) -> np.ndarray:
-    assert one.orientation is not None
-    return np.hstack([one.position, one.orientation])
+def _position_distance(made: np.ndarray, path: np.ndarray) -> float:
+    return _mean_distance(made[:, :3], path[:, :3])
 
 
 def _mean_distance(made: np.ndarray, path: np.ndarray) -> float:
@@ -444,40 +376,12 @@ def _mean_distance(made: np.ndarray, path: np.ndarray) -> float:
     return total / steps
 
 
-def _mean_angle(made: np.ndarray, path: np.ndarray) -> float:
+def mean_angle(made: np.ndarray, path: np.ndarray) -> float:
     """Mean angle [deg] of orientations (n, 4) along their best alignment: a chord of length c on
     S3 is an angle of 4 asin(c / 2).
     """
     chord = _mean_distance(make_continuous(made) * np.sign(made[0] @ path[0]), path)
     return float(np.degrees(4.0 * np.arcsin(0.5 * chord)))
-
-
-def _pose_ds_gmr(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
-    """As `_driven_by_clock`, on poses."""
-
-    def frames(start: np.ndarray) -> list[PoseFrame]:
-        return [PoseFrame(start[:3]), PoseFrame(np.zeros(3))]
-
-    model = PoseDSGMR(COMPONENTS).fit(
-        [PoseDSGMR(COMPONENTS).encode(clock, path) for path in paths],
-        [frames(path[0]) for path in paths],
-    )
-    return lambda start: model.reproduce(frames(start), clock, start).pose
-
-
-def _nearest_pose_peer(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
-    """Its quaternions begin with w."""
-    peer_class = importlib.import_module(f"{PEER}.dmp").CartesianDMP
-    w_first, w_last = [0, 1, 2, 6, 3, 4, 5], [0, 1, 2, 4, 5, 6, 3]
-
-    def reproduce(start: np.ndarray) -> np.ndarray:
-        path = paths[_nearest(paths, start)]
-        peer = peer_class(execution_time=clock[-1], dt=clock[1], n_weights_per_dim=WEIGHTS)
-        peer.imitate(clock, path[:, w_first])
-        peer.configure(start_y=start[w_first], goal_y=path[-1, w_first])
-        return resampled(peer.open_loop()[1][:, w_last], N_SAMPLES)
-
-    return reproduce
 
 
 def left_out(
@@ -494,57 +398,43 @@ def left_out(
     """
     methods: dict[str, Generalise] = {
         "DSGMR": _by_ds_gmr,
-        "DSGMR, prior": _by_ds_gmr_with_prior,
+        "DSGMR, prior": partial(_by_ds_gmr, with_prior=True),
         "GMR": _by_regression,
     }
     if pbdlib is not None:
         methods["pbdlib"] = partial(_by_pbdlib, pbdlib_mixture(pbdlib))
     duration = float(np.mean([one.time[-1] for one in demonstrations]))
-    scaled = [
-        Demonstrated(one.time * duration / one.time[-1], one.position, one.frames)
-        for one in demonstrations
-    ]
+    scaled = [replace(one, time=one.time * duration / one.time[-1]) for one in demonstrations]
     prepared = {"": scaled}
-    if any(_only_a_path(one) for one in demonstrations):
+    faults = [find_faults(one.time, one.position) for one in demonstrations]
+    if any(one.uneven or one.jumps for one in faults):  # stamps that say nothing of the movement
         prepared[", retimed"] = [
-            Demonstrated(*retimed(one.position, duration, PATH_SAMPLES), one.frames)
+            Demonstrated(*retimed(one.position, duration, 200), one.frames)
             for one in demonstrations
         ]
-    return [
-        Score("frames", name, method + how, np.nan, *_left_out_by(generalise, learned, scaled))
-        for how, learned in prepared.items()
-        for method, generalise in methods.items()
-    ]
-
-
-def _only_a_path(one: Demonstrated) -> bool:
-    """Whether the stamps say nothing of how the movement went."""
-    faults = find_faults(one.time, one.position)
-    return faults.uneven or bool(faults.jumps)
+    scores = []
+    for how, learned in prepared.items():
+        for method, generalise in methods.items():
+            error, goal = _left_out_by(generalise, learned, scaled)
+            scores.append(Score("frames", name, method + how, np.nan, error, goal=goal))
+    return scores
 
 
 def _left_out_by(
     generalise: Generalise, learned: Sequence[Demonstrated], published: Sequence[Demonstrated]
-) -> tuple[float, float, float]:
-    """Error, nan for the share of starts that arrive, and error of the end [%], of what is learned
-    without one, from that as published.
-    """
-    unit = (
-        float(np.linalg.norm(np.ptp(np.vstack([one.position for one in published]), axis=0)))
-        / 100.0
-    )
+) -> tuple[float, float]:
+    """Error, and error of the end [%], of what is learned without one, from that as published."""
+    everything = np.vstack([one.position for one in published])
+    unit = float(np.linalg.norm(np.ptp(everything, axis=0))) / 100.0
     errors = []
     for i, unseen in enumerate(published):
-        clock = np.linspace(0.0, unseen.time[-1], len(unseen.time))
-        path = generalise(
-            [*learned[:i], *learned[i + 1 :]], clock, unseen.frames, unseen.position[0]
-        )
-        total, steps = warped_distance(path, unseen.position)
-        errors.append(
-            [total / steps / unit, float(np.linalg.norm(path[-1] - unseen.position[-1])) / unit]
-        )
+        clock, path = np.linspace(0.0, unseen.time[-1], len(unseen.time)), unseen.position
+        others = [*learned[:i], *learned[i + 1 :]]
+        made = generalise(others, clock, unseen.frames, path[0])
+        total, steps = warped_distance(made, path)
+        errors.append([total / steps / unit, float(np.linalg.norm(made[-1] - path[-1])) / unit])
     error, goal = np.mean(errors, axis=0)
-    return float(error), np.nan, float(goal)
+    return float(error), float(goal)
 
 
 def _by_ds_gmr(
@@ -552,24 +442,13 @@ def _by_ds_gmr(
     clock: np.ndarray,
     frames: Sequence[TaskFrame],
     start: np.ndarray,
-    prior: float = 0.0,
-) -> np.ndarray:
-    model = DSGMR(COMPONENTS, covariance_prior=prior)
-    model.fit(
-        [model.encode(one.time, one.position, faults="keep") for one in shown],
-        [one.frames for one in shown],
-    )
-    return model.reproduce(frames, clock, start, np.zeros_like(start), covariance=False).position
-
-
-def _by_ds_gmr_with_prior(
-    shown: Sequence[Demonstrated],
-    clock: np.ndarray,
-    frames: Sequence[TaskFrame],
-    start: np.ndarray,
+    with_prior: bool = False,
 ) -> np.ndarray:
     """The prior on the covariances counts as many samples as there are columns."""
-    return _by_ds_gmr(shown, clock, frames, start, 1.0 + len(start))
+    model = DSGMR(COMPONENTS, covariance_prior=(1.0 + len(start)) * with_prior)
+    encoded = [model.encode(one.time, one.position, faults="keep") for one in shown]
+    model.fit(encoded, [one.frames for one in shown])
+    return model.reproduce(frames, clock, start, np.zeros_like(start), covariance=False).position
 
 
 def _by_regression(
@@ -583,9 +462,8 @@ def _by_regression(
     """
     samples = [np.column_stack([one.time, one.position]) for one in shown]
     model = TaskParameterisedMixture(COMPONENTS).fit(samples, [one.frames for one in shown])
-    return model.regress(
-        frames, clock[:, None], [0], np.arange(1, 1 + len(start)), covariance=False
-    )[0]
+    columns = np.arange(1, 1 + len(start))
+    return model.regress(frames, clock[:, None], [0], columns, covariance=False)[0]
 
 
 def _by_pbdlib(
@@ -604,13 +482,11 @@ def _by_pbdlib(
         for one, rows in zip(shown, samples, strict=True)
     ]
     m = samples[0].shape[1]
-    peer, apart = (
-        peer_class(nb_states=COMPONENTS, nb_dim=2 * m),
-        np.kron(np.eye(2), np.ones((m, m))),
-    )
+    peer = peer_class(nb_states=COMPONENTS, nb_dim=2 * m)
+    apart = np.kron(np.eye(2), np.ones((m, m)))
     peer.init_hmm_kbins(seen)
     peer.sigma = peer.sigma * apart
-    peer.em(np.vstack(seen), reg=PEER_REGULARISATION * np.eye(2 * m), no_init=True, dep_mask=apart)
+    peer.em(np.vstack(seen), reg=1e-8 * np.eye(2 * m), no_init=True, dep_mask=apart)
     one, other = (
         peer.marginal_model(slice(j * m, (j + 1) * m)).lintrans(frame.A, frame.b)
         for j, frame in enumerate(frames)
@@ -619,64 +495,47 @@ def _by_pbdlib(
 
 
 def table(scores: Sequence[Score]) -> str:
-    """The scores as a table: means over the shapes of handwriting, and each set of several
-    patterns or frames.
+    """The scores as a table: means over the shapes of handwriting and the sets of letters, and
+    each set of several patterns, poses or frames.
     """
     lines = []
-    for kind, head, rows_of in (
-        (
-            "handwriting",
-            f"{'method':<32}{'shapes':>7}{'train [mm]':>12}{'test [mm]':>12}{'at the goal':>13}",
-            _means,
-        ),
-        ("patterns", f"{'set, left out':<20}{'method':<30}{'error [mm]':>12}", _of_patterns),
-        ("led", f"{'method':<32}{'sets':>7}{'train [cm]':>12}{'test [cm]':>12}", _means),
-        (
-            "poses",
-            (
-                f"{'task':<22}{'method':<32}{'train [cm]':>12}{'test [cm]':>12}{'test [deg]':>12}{'worst [deg]':>13}"
-            ),
-            _of_poses,
-        ),
-        (
-            "frames",
-            f"{'set, left out':<20}{'method':<24}{'error [%]':>12}{'goal [%]':>12}",
-            _of_frames,
-        ),
-    ):
-        if rows := [score for score in scores if score.kind == kind]:
-            lines += [head, *rows_of(rows)]
+    for kind, head in HEADS.items():
+        rows = [score for score in scores if score.kind == kind]
+        if rows and kind in ("handwriting", "led"):
+            rows = [_mean_of(rows, method) for method in dict.fromkeys(r.method for r in rows)]
+        lines += [head, *map(_line, rows)] if rows else []
     if importlib.util.find_spec(PEER) is None:
         lines.append(f"{PEER} is not installed, so there is no row of it")
     return "\n".join(lines)
 
 
-def _of_patterns(rows: Sequence[Score]) -> list[str]:
-    return [f"{row.name:<20}{row.method:<30}{row.test:>12.0f}" for row in rows]
+HEADS = {
+    "handwriting": f"{'method':<32}{'shapes':>7}{'train [mm]':>12}{'test [mm]':>12}{'at the goal':>13}",
+    "patterns": f"{'set, left out':<20}{'method':<30}{'error [mm]':>12}",
+    "led": f"{'method':<32}{'sets':>7}{'train [cm]':>12}{'test [cm]':>12}",
+    "poses": f"{'task':<22}{'method':<32}{'train [cm]':>12}{'test [cm]':>12}{'test [deg]':>12}{'worst [deg]':>13}",
+    "frames": f"{'set, left out':<20}{'method':<24}{'error [%]':>12}{'goal [%]':>12}",
+}
+"""Head of the table of each kind."""
 
 
-def _of_poses(rows: Sequence[Score]) -> list[str]:
-    return [
-        f"{row.name:<22}{row.method:<32}{row.train:>12.2f}{row.test:>12.2f}"
-        + ("" if np.isnan(row.turned) else f"{row.turned:>12.1f}{row.worst:>13.1f}")
-        for row in rows
-    ]
+def _mean_of(rows: Sequence[Score], method: str) -> Score:
+    """Means over the sets of a method, with their number as the name."""
+    own = [row for row in rows if row.method == method]
+    train, test, arrived = np.mean([(row.train, row.test, row.arrived) for row in own], axis=0)
+    return Score(own[0].kind, str(len(own)), method, train, test, arrived)
 
 
-def _of_frames(rows: Sequence[Score]) -> list[str]:
-    return [f"{row.name:<20}{row.method:<24}{row.test:>12.2f}{row.goal:>12.2f}" for row in rows]
-
-
-def _means(rows: Sequence[Score]) -> list[str]:
-    lines = []
-    for method in dict.fromkeys(row.method for row in rows):
-        own = [row for row in rows if row.method == method]
-        train, test, arrived = (
-            np.mean([getattr(row, field) for row in own]) for field in ("train", "test", "arrived")
-        )
-        if rows[0].kind == "led":
-            lines.append(f"{method:<32}{len(own):>7}{train:>12.2f}{test:>12.2f}")
-            continue
-        share = "-" if np.isnan(arrived) else f"{100.0 * arrived:.0f} %"
-        lines.append(f"{method:<32}{len(own):>7}{train:>12.0f}{test:>12.0f}{share:>13}")
-    return lines
+def _line(row: Score) -> str:
+    if row.kind == "patterns":
+        return f"{row.name:<20}{row.method:<30}{row.test:>12.0f}"
+    if row.kind == "frames":
+        return f"{row.name:<20}{row.method:<24}{row.test:>12.2f}{row.goal:>12.2f}"
+    if row.kind == "poses":
+        angles = "" if np.isnan(row.turned) else f"{row.turned:>12.1f}{row.worst:>13.1f}"
+        return f"{row.name:<22}{row.method:<32}{row.train:>12.2f}{row.test:>12.2f}{angles}"
+    about = f"{row.method:<32}{row.name:>7}"
+    if row.kind == "led":
+        return f"{about}{row.train:>12.2f}{row.test:>12.2f}"
+    share = "-" if np.isnan(row.arrived) else f"{100.0 * row.arrived:.0f} %"
+    return f"{about}{row.train:>12.0f}{row.test:>12.0f}{share:>13}"

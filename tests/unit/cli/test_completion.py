@@ -186,13 +186,14 @@ def test_every_table_of_values_belongs_to_an_option():
 
 def test_names_are_those_of_the_library():
     from dart_skill.experiments import thesis
-    from dart_skill.experiments.studies import dart_search, landscapes, practice
+    from dart_skill.experiments.studies import dart_search, landscapes
+    from dart_skill.simulation import CHANGES
     from dart_skill.skills.learning import CONFIGURATIONS
     from dart_skill.skills.practice import _practising as practising
 
     assert names.CONFIGURATIONS == tuple(CONFIGURATIONS)
     assert names.PRACTICE_METHODS == tuple(practising.METHODS)
-    assert names.CHANGES == tuple(practice.CHANGES)
+    assert names.CHANGES == tuple(CHANGES)
     assert names.SEARCHES == tuple(dart_search.METHODS)
     assert names.SCHEDULES == tuple(dart_search.SCHEDULES)
     assert names.LANDSCAPES == tuple(landscapes.LANDSCAPES)

@@ -95,8 +95,8 @@ def test_the_throws_experiment_gives_one_row_per_throw_as_json(capfd):
 def test_the_ladder_stands_for_its_configurations(monkeypatch, capfd):
     asked = []
     monkeypatch.setattr(
-        "dart_skill.experiments.studies.throws.run",
-        lambda seeds, names, *_, **__: asked.extend(names) or [],
+        "dart_skill.experiments.studies.throws.run_seed",
+        lambda seed, names, **_: asked.extend(names) or [],
     )
     assert (
         main(["experiment", "throws", "--seeds", "1", "--configurations", "default,ladder"]) == 0

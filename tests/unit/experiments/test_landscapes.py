@@ -3,24 +3,19 @@ stays, and the searches that run on them.
 """
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.optimize import differential_evolution
 
 from dart_skill.cli import main
-from dart_skill.experiments.parallel import read_runs, run_tasks
+from dart_skill.experiments.studies import landscapes
 from dart_skill.experiments.studies.dart_search import (
     METHODS,
-    SCHEDULES,
-    DartLandscape,
-    Schedule,
-    SearchRun,
-    SearchTask,
-    best_scores,
+    offline_error,
     run,
-    summarise,
-    table,
+    search_task,
 )
 from dart_skill.experiments.studies.landscapes import (
     BOX,
@@ -31,7 +26,6 @@ from dart_skill.experiments.studies.landscapes import (
     LANDSCAPES,
     LENGTHS,
     N_TRIALS,
-    OBSTACLE,
     RADII,
     RANGE,
     REST,
@@ -44,6 +38,7 @@ from dart_skill.experiments.studies.landscapes import (
     reflected,
 )
 
+OBSTACLE = 0.9
 BOUNDS = {
     "moving_peaks_2": BOX,
     "moving_peaks_5": BOX,
@@ -51,6 +46,7 @@ BOUNDS = {
     "half_range": (-RANGE, RANGE),
 }
 BOUNDS["stuck_joint"] = BOUNDS["half_range"]
+HILLS = Hills(np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([1.0, 0.8]))
 OTHERS = [method for method in METHODS if method != "model_based"]
 
 
@@ -87,13 +83,10 @@ def short(monkeypatch):
     """Two hills for 200 trials, the better one blocked half-way, under the name of the vanishing
     peak.
     """
-    hills = Hills(np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([1.0, 0.8]))
-    blocked = Hills(hills.tops, hills.heights, OBSTACLE)
-    monkeypatch.setitem(
-        LANDSCAPES,
-        "vanishing_peak",
-        lambda rng: StagedLandscape(np.zeros(2), 1.0, (hills, blocked), (100,), 200),
-    )
+    monkeypatch.setattr(landscapes, "N_TRIALS", 200)
+    blocked = HILLS._replace(obstacle=OBSTACLE)
+    made = StagedLandscape(np.zeros(2), 1.0, [HILLS, blocked], (100,))
+    monkeypatch.setitem(LANDSCAPES, "vanishing_peak", lambda rng: made)
 
 
 @pytest.mark.parametrize("name", LANDSCAPES)
@@ -198,7 +191,11 @@ def test_the_reward_of_the_arm_is_that_of_its_formula():
 def test_a_joint_stops_at_its_limits_and_a_stuck_one_moves_no_more():
     arm = PlanarArm(np.array([0.6, 0.1]), np.full(4, -RANGE), np.full(4, RANGE))
     commanded = np.array([[0.3, -0.7, 1.1, 0.2], [0.3, 0.4, 1.1, 0.2], [0.3, 9.0, 1.1, 0.2]])
-    stuck, half = arm.limited(ELBOW, 0.4, 0.4), arm.limited(ELBOW, -RANGE, 0.0)
+    low, high = arm.low.copy(), arm.high.copy()
+    high[ELBOW] = 0.0
+    half = PlanarArm(arm.target, low.copy(), high.copy())
+    low[ELBOW] = high[ELBOW] = 0.4
+    stuck = PlanarArm(arm.target, low, high)
     np.testing.assert_allclose(stuck.rewards(commanded), np.full(3, arm.rewards(commanded)[1]))
     straight = commanded * [1.0, 0.0, 1.0, 1.0]
     np.testing.assert_allclose(
@@ -209,95 +206,40 @@ def test_a_joint_stops_at_its_limits_and_a_stuck_one_moves_no_more():
 @pytest.mark.parametrize("seed", range(4))
 def test_without_half_its_range_the_arm_has_to_bend_to_the_other_side(seed):
     """The former optimum is gone, and what it can be bent into is worth less than the other one."""
-    landscape = drawn("half_range", seed)
-    whole, broken = landscape.stages
-    same_side = (
-        PlanarArm(whole.target, broken.low, broken.high)
-        .limited(2, 0.0, RANGE)
-        .limited(ELBOW, -0.1, 0.0)
-    )
+    whole, broken = drawn("half_range", seed).stages
+    low, high = broken.low.copy(), broken.high.copy()
+    low[[ELBOW, 2]], high[[ELBOW, 2]] = (-0.1, 0.0), (0.0, RANGE)
+    same_side = PlanarArm(whole.target, low, high)
     assert same_side.best < 0.7 * broken.best < 0.7 * whole.best
-
-
-def test_stages_and_changes_that_do_not_fit_are_refused():
-    hills = Hills(np.zeros((1, 2)), np.ones(1))
-    with pytest.raises(
-        ValueError, match=r"2 stages need 1 changes that rise within 1 to 2999, got \(\)"
-    ):
-        StagedLandscape(np.zeros(2), 1.0, (hills, hills), ())
-    with pytest.raises(ValueError, match=r"got \(5, 5\)"):
-        StagedLandscape(np.zeros(2), 1.0, (hills, hills, hills), (5, 5))
 
 
 @pytest.mark.parametrize("method", OTHERS)
 def test_every_method_but_the_model_based_one_runs_and_regret_is_never_negative(short, method):
-    one = run(SearchTask(method, "vanishing_peak", 1))
-    assert (
-        len(one.throw_regrets) == 20
-        and min(one.throw_regrets) >= 0.0
-        and min(one.best_regrets) >= 0.0
-    )
-    assert 0.0 <= one.offline_error <= one.throw_regret
+    one = run(search_task(method, "vanishing_peak", 1))
+    assert len(one["throw_regrets"]) == 20
+    assert min(one["throw_regrets"]) >= 0.0 and min(one["best_regrets"]) >= 0.0
+    assert 0.0 <= one["offline_error"] <= one["throw_regret"]
 
 
 @pytest.mark.slow
-def test_methods_count_in_units_of_the_spread(monkeypatch):
+@pytest.mark.parametrize("method", OTHERS)
+def test_methods_count_in_units_of_the_spread(short, monkeypatch, method):
     """Eight times the landscape, start and spread: the same regrets."""
-    hills = Hills(np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([1.0, 0.8]))
-
-    class Wide:
-        best = hills.best
-
-        def rewards(self, parameters):
-            return hills.rewards(parameters / 8.0)
-
-    regrets = {}
-    for stage, spread in ((hills, 1.0), (Wide(), 8.0)):
-        monkeypatch.setitem(
-            LANDSCAPES,
-            "vanishing_peak",
-            lambda rng, stage=stage, spread=spread: StagedLandscape(
-                np.zeros(2), spread, (stage,), (), 200
-            ),
+    regrets = []
+    for scale in (1.0, 8.0):
+        hills = SimpleNamespace(
+            best=HILLS.best, rewards=lambda places, scale=scale: HILLS.rewards(places / scale)
         )
-        regrets[spread] = {
-            method: run(SearchTask(method, "vanishing_peak", 0)).throw_regrets for method in OTHERS
-        }
-    for method in OTHERS:
-        np.testing.assert_allclose(
-            regrets[8.0][method], regrets[1.0][method], atol=1e-3, err_msg=method
-        )
+        made = StagedLandscape(np.zeros(2), scale, [hills], ())
+        monkeypatch.setitem(LANDSCAPES, "vanishing_peak", lambda rng, made=made: made)
+        regrets.append(run(search_task(method, "vanishing_peak", 0))["throw_regrets"])
+    np.testing.assert_allclose(regrets[1], regrets[0], atol=1e-3)
 
 
-def test_the_offline_error_is_that_of_the_best_trial_since_the_last_change(short):
-    """One trial at a time, as Branke defines it."""
-    landscape, search = (
-        LANDSCAPES["vanishing_peak"](None),
-        METHODS["cem"](np.zeros(2), 1.0, rng=np.random.default_rng([2, 0])),
-    )
-    errors, least = [], np.inf
-    for n in range(200):
-        trial = search.ask()
-        earned = float(landscape.rewards(trial.parameters[None], n)[0])
-        least = min(np.inf if n == 100 else least, landscape.best[n] - earned)
-        errors.append(least)
-        search.tell(trial, earned)
-    assert run(SearchTask("cem", "vanishing_peak", 2)).offline_error == pytest.approx(
-        np.mean(errors), rel=1e-12
-    )
-
-
-def test_darts_are_a_landscape_whose_change_has_no_moments(monkeypatch):
-    monkeypatch.setitem(SCHEDULES, "thesis", Schedule(75.0, 60.0, 200))
-    best_scores.cache_clear()
-    darts = DartLandscape("thesis")
-    assert (
-        len(darts.best) == 200
-        and darts.changes == ()
-        and darts.rewards(np.zeros((1, 2)), 199)[0] < darts.best[199]
-    )
-    assert run(SearchTask("cem", "thesis", 0)).offline_error is None
-    best_scores.cache_clear()
+def test_the_offline_error_is_that_of_the_best_trial_since_the_last_change():
+    regrets = np.array([3.0, 5.0, 1.0, 4.0, 2.0, 6.0])
+    assert offline_error(regrets, (3,)) == np.mean([3.0, 3.0, 1.0, 4.0, 2.0, 2.0])
+    assert offline_error(regrets, ()) is None
 
 
 @pytest.mark.parametrize(
@@ -306,48 +248,12 @@ def test_darts_are_a_landscape_whose_change_has_no_moments(monkeypatch):
 )
 def test_what_only_darts_have_is_refused_elsewhere(method, reward):
     with pytest.raises(ValueError, match="are for darts, and not for 'half_range'"):
-        SearchTask(method, "half_range", 0, reward)
+        search_task(method, "half_range", 0, reward)
 
 
-def test_lines_from_before_there_were_landscapes_are_still_read(short, tmp_path):
-    results = tmp_path / "results.jsonl"
-    task = {
-        "method": "power",
-        "schedule": "thesis",
-        "seed": 0,
-        "reward": "expected",
-        "stop_after": 0,
-    }
-    regrets = {"throw_regret": 1.0, "best_regret": 0.5, "end_regret": 0.25}
-    blocks = {"throw_regrets": [1.0], "best_regrets": [0.5], "components": [1.0]}
-    results.write_text(json.dumps({"task": task, **regrets, **blocks}) + "\n")
-    old = SearchRun(SearchTask("power", "thesis", 0), 1.0, 0.5, 0.25, (1.0,), (0.5,), (1.0,))
-    runs = run_tasks(
-        run,
-        [SearchTask("power", "thesis", 0), SearchTask("power", "vanishing_peak", 0)],
-        SearchRun,
-        results,
-        jobs=1,
-    )
-    assert runs[0] == old and read_runs(results, SearchRun, SearchTask) == runs
-    assert [row["offline_error"] is None for row in summarise(runs)] == [True, False]
-    assert "offline error" in table(runs) and "offline error" not in table(runs[:1])
-
-
-def test_landscapes_on_the_command_line(short, tmp_path, capsys):
-    arguments = [
-        "experiment",
-        "landscapes",
-        "--methods",
-        "power,niches",
-        "--landscapes",
-        "vanishing_peak",
-        "--seeds",
-        "2",
-        "--jobs",
-        "1",
-    ]
-    assert main([*arguments, "--results", str(tmp_path / "r.jsonl"), "--json"]) == 0
+def test_landscapes_on_the_command_line(short, capsys):
+    options = "--methods power,niches --landscapes vanishing_peak --seeds 2 --jobs 1 --json"
+    assert main(["experiment", "landscapes", *options.split()]) == 0
     rows = json.loads(capsys.readouterr().out)
     assert [(row["method"], row["schedule"], row["runs"]) for row in rows] == [
         ("power", "vanishing_peak", 2),

@@ -301,18 +301,6 @@ def test_too_few_trials_are_refused(estimate, n, least):
         estimate(np.ones((n, 6)), np.arange(n))
 
 
-@pytest.mark.parametrize(
-    "fisher, message",
-    [
-        (np.zeros((6, 6)), "positive eigenvalues: give that"),
-        (np.eye(5), "fisher must have 6 columns"),
-    ],
-)
-def test_a_fisher_information_that_is_none_is_refused(fisher, message):
-    with pytest.raises(ValueError, match=message):
-        natural_gradient(*drawn(9), fisher)
-
-
 @BOTH
 @pytest.mark.parametrize(
     "start, spread, options, message",

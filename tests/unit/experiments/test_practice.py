@@ -3,25 +3,22 @@ one tiny run.
 """
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
 from dart_skill.arm import same_plan
 from dart_skill.cli import main
-from dart_skill.experiments.parallel import run_tasks
 from dart_skill.experiments.studies import practice
 from dart_skill.experiments.studies.practice import (
-    CHANGES,
-    PracticeRun,
-    PracticeTask,
-    changed,
+    practice_task,
+    practise,
     summarise,
     table,
 )
 from dart_skill.session import Session
-from dart_skill.simulation import PlantSettings
+from dart_skill.simulation import CHANGES, PlantSettings, changed
 from dart_skill.skills.practice import PractisingSkill
 
 BASKET = np.array([1.9, 0.2, 0.40])
@@ -30,15 +27,19 @@ NAN = float("nan")
 
 def made(seed=0, method="residual", scale=1.0, **task):
     """A run by hand with tests of three throws after 0 and 5 practised ones."""
-    tests = ((0.04 * scale, 0.01 * scale, 0.02 * scale), (0.01 * scale, NAN, 0.2 * scale))
-    inside = ((True, True, True), (True, False, False))
-    return PracticeRun(
-        PracticeTask(seed, method, throws=5, tested_after=(0, 5), tests=3, **task),
-        (0.1,) * 5,
-        (True,) * 5,
-        tests,
-        inside,
-    )
+    much = {"throws": 5, "tested_after": [0, 5], "tests": 3}
+    return {
+        "task": practice_task(seed, method=method, **much, **task),
+        "errors": [0.1] * 5,
+        "in_basket": [True] * 5,
+        "test_errors": [
+            [0.04 * scale, 0.01 * scale, 0.02 * scale],
+            [0.01 * scale, NAN, 0.2 * scale],
+        ],
+        "test_in_basket": [[True, True, True], [True, False, False]],
+        "notes": [],
+        "spreads": [],
+    }
 
 
 def test_a_row_is_the_median_over_all_throws_of_all_runs():
@@ -71,9 +72,7 @@ def test_rows_of_methods_demonstrations_and_changes_are_kept_apart():
 
 
 def test_throws_without_a_landing_give_a_row_without_a_median():
-    nothing = PracticeRun(
-        made().task, (NAN,) * 5, (False,) * 5, ((NAN,) * 3,) * 2, ((False,) * 3,) * 2
-    )
+    nothing = made() | {"test_errors": [[NAN] * 3] * 2, "test_in_basket": [[False] * 3] * 2}
     row = summarise([nothing])[0]
     assert np.isnan(row["median_cm"]) and row["in"] == 0.0 and row["without_error"] == 3
 
@@ -87,11 +86,11 @@ def test_throws_without_a_landing_give_a_row_without_a_median():
 )
 def test_an_unknown_method_or_change_is_refused(wrong, message):
     with pytest.raises(ValueError, match=message):
-        PracticeTask(0, **wrong)
+        practice_task(0, **wrong)
 
 
 def test_tests_after_more_throws_than_there_are_do_not_take_place():
-    assert PracticeTask(0, throws=10).tested_after == (0, 1, 2, 5, 10)
+    assert practice_task(0, throws=10)["tested_after"] == [0, 1, 2, 5, 10]
 
 
 @pytest.mark.parametrize("change", CHANGES)
@@ -121,22 +120,20 @@ def test_the_plant_changes_after_so_many_practised_throws_and_not_before(
     monkeypatch.setattr(practice, "teach", lambda session, seed, wanted: demonstrations)
     Spied.frictions.clear()
     one = practice.run(
-        PracticeTask(
+        practice_task(
             0,
-            "residual",
-            4,
+            method="residual",
+            demonstrations=4,
             throws=2,
             change="friction",
             change_after=1,
-            tested_after=(0, 2),
+            tested_after=[0, 2],
             tests=1,
         )
     )
     assert Spied.frictions == [1.0, 1.0, 2.0, 2.0], "test, practice, change, practice, test"
-    assert len(one.errors) == 2 and np.shape(one.test_errors) == np.shape(one.test_in_basket) == (
-        2,
-        1,
-    )
+    assert len(one["errors"]) == 2 and np.shape(one["test_errors"]) == (2, 1)
+    assert np.shape(one["test_in_basket"]) == (2, 1)
 
 
 def practised(demonstrations, method):
@@ -150,7 +147,7 @@ def test_a_test_teaches_nothing(demonstrations, method):
     """
     tested, untested = practised(demonstrations, method), practised(demonstrations, method)
     session = Session(4)
-    error, inside, miss, note = practice._throw(session, tested, BASKET)[:4]
+    error, inside, miss, note = practise(session, tested, BASKET, learn=False)[:4]
     assert error == miss and np.isfinite(error) and inside == (error < 0.15) and not note
     for explore in (False, True):
         assert same_plan(tested.plan(BASKET, explore), untested.plan(BASKET, explore)), method
@@ -162,96 +159,60 @@ def test_a_practised_throw_teaches(demonstrations, method):
     """So that the test above could fail."""
     skill = practised(demonstrations, method)
     before, session = skill.plan(BASKET), Session(4)
-    practice._throw(session, skill, BASKET, learn=True)
+    practise(session, skill, BASKET)
     assert not same_plan(skill.plan(BASKET), before), method
     session.close()
 
 
 def test_a_basket_out_of_reach_is_a_throw_without_an_error(demonstrations):
     skill = practised(demonstrations, "residual")
-    error, inside, miss, note = practice._throw(None, skill, np.array([9.0, 0.0, 0.4]))[:4]
+    error, inside, miss, note = practise(None, skill, np.array([9.0, 0.0, 0.4]))[:4]
     assert np.isnan(error) and np.isnan(miss) and not inside and "9.00 m" in note
 
 
-def test_results_come_back_with_their_nan_and_are_not_run_again(tmp_path, monkeypatch):
-    monkeypatch.setattr(practice, "run", lambda task: made(task.seed))
-    file, tasks = tmp_path / "practice.jsonl", [made(seed).task for seed in range(2)]
-    first = run_tasks(practice.run, tasks, PracticeRun, file, jobs=1)
-    monkeypatch.setattr(practice, "run", lambda task: pytest.fail(f"{task} was run again"))
-    assert repr(run_tasks(practice.run, tasks, PracticeRun, file, jobs=1)) == repr(
-        first
-    ) and np.isnan(first[0].test_errors[1][1])
-
-
-def test_the_command_prints_the_table_and_draws_a_figure_per_change(tmp_path, monkeypatch, capsys):
+def test_the_command_prints_the_table(monkeypatch, capsys):
     monkeypatch.setattr(
         practice,
         "run",
         lambda task: made(
-            task.seed, task.method, change=task.change, demonstrations=task.demonstrations
+            task["seed"],
+            task["method"],
+            change=task["change"],
+            demonstrations=task["demonstrations"],
         ),
     )
-    options = [
-        "--methods",
-        "residual,none",
-        "--changes",
-        "none,friction",
-        "--demonstrations",
-        "3",
-        "--throws",
-        "5",
-        "--tested-after",
-        "0,5",
-    ]
-    options += ["--seeds", "2", "--tests", "3", "--jobs", "1"]
-    assert (
-        main(
-            [
-                "experiment",
-                "practice",
-                *options,
-                "--figure",
-                str(tmp_path),
-                "--floor",
-                "0.9",
-                "--json",
-            ]
-        )
-        == 0
-    )
-    rows = json.loads(capsys.readouterr().out)
-    assert {(row["method"], row["change"]) for row in rows} == {
-        (m, c) for m in ("residual", "none") for c in ("none", "friction")
-    }
-    assert {path.name for path in tmp_path.glob("*.svg")} == {
-        "practice_3_none.svg",
-        "practice_3_friction.svg",
-    }
+    options = "--methods residual,none --changes none,friction --demonstrations 3 --throws 5"
+    more = "--tested-after 0,5 --seeds 2 --tests 3 --jobs 1 --json"
+    assert main(["experiment", "practice", *options.split(), *more.split()]) == 0
+    kinds = {(row["method"], row["change"]) for row in json.loads(capsys.readouterr().out)}
+    assert kinds == {(m, c) for m in ("residual", "none") for c in ("none", "friction")}
 
 
 @pytest.fixture(scope="module")
 def tiny():
-    return practice.run(PracticeTask(0, "residual", 3, throws=2, tested_after=(0, 2), tests=2))
-
-
-@pytest.mark.slow
-def test_a_tiny_run_practises_and_is_tested(tiny):
-    assert len(tiny.errors) == len(tiny.in_basket) == 2 and np.shape(tiny.test_errors) == (2, 2)
-    assert np.nanmedian(np.concatenate(tiny.test_errors)) < 0.1, (
-        f"after 3 demonstrations: {tiny.test_errors}, {tiny.notes}"
+    return practice.run(
+        practice_task(
+            0, method="residual", demonstrations=3, throws=2, tested_after=[0, 2], tests=2
+        )
     )
 
 
 @pytest.mark.slow
+def test_a_tiny_run_practises_and_is_tested(tiny):
+    assert len(tiny["errors"]) == len(tiny["in_basket"]) == 2
+    assert np.shape(tiny["test_errors"]) == (2, 2)
+    assert np.nanmedian(np.concatenate(tiny["test_errors"])) < 0.1, tiny
+
+
+@pytest.mark.slow
 def test_the_floor_is_what_one_plan_scatters_and_is_measured_when_all_else_is_done(tiny):
-    plain, floored = tiny, practice.run(replace(tiny.task, again=4))
-    assert plain.spreads == () and repr(replace(floored, task=tiny.task, spreads=())) == repr(
-        plain
-    ), "the same seed, the same run"
-    assert np.shape(floored.spreads) == (2, 4) and 0.0 < np.median(floored.spreads) < 0.01
+    plain, floored = tiny, practice.run(tiny["task"] | {"again": 4})
+    assert plain["spreads"] == []
+    assert repr(floored | {"task": tiny["task"], "spreads": []}) == repr(plain), "the same run"
+    assert np.shape(floored["spreads"]) == (2, 4) and 0.0 < np.median(floored["spreads"]) < 0.01
     before, after = summarise([floored])
     assert before["floor_cm"] is None and after["floor_cm"] == pytest.approx(
-        100 * np.median(floored.spreads), abs=1e-3
+        100 * np.median(floored["spreads"]), abs=1e-3
     )
     assert "floor: median distance" in table([floored]) and "floor" not in table([plain])
 

@@ -7,19 +7,19 @@ import pytest
 from scipy.io import savemat
 
 from dart_skill.cli import main
-from dart_skill.experiments.studies.peers import pbdlib_mixture
 from dart_skill.experiments.studies.published_sets import (
     helloworld_sets,
     lasa_shapes,
+    pbdlib_mixture,
     pbdlib_sets,
     robotasks_sets,
     tpgmm_sets,
 )
 from dart_skill.experiments.studies.real_data import (
-    _mean_angle,
     handwriting,
     led,
     left_out,
+    mean_angle,
     poses,
     run,
     several_patterns,
@@ -181,7 +181,7 @@ def test_the_angle_along_an_alignment_is_that_between_orientations():
         return np.column_stack([np.sin(half), 0.0 * half, 0.0 * half, np.cos(half)])
 
     still = np.full(500, 30.0)
-    assert _mean_angle(-turn(still + 20.0), turn(still)) == pytest.approx(20.0)
+    assert mean_angle(-turn(still + 20.0), turn(still)) == pytest.approx(20.0)
 
 
 def test_recordings_with_the_same_stamps_are_a_set(aligned):

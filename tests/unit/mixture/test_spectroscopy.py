@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from dart_skill.experiments.thesis import components
+from dart_skill.experiments import thesis
 from dart_skill.mixture import automatic_bandwidth, data_spectroscopy
 
 CENTRES = np.array([[0.0, 0.0], [9.0, 0.0], [0.0, 9.0]])
@@ -131,7 +131,7 @@ def test_points_in_one_place_are_one_group():
 
 @pytest.mark.parametrize("seed", range(2))
 def test_figure_5_5_finds_the_four(seed):
-    measured = components.measured_5_5(components.compute_5_5(seed))
+    measured = thesis.figure_of("5.5", seed)[1]
     assert measured["groups"] == 4 and measured["weight_labelled_as_its_gaussian"] > 0.95, measured
 
 

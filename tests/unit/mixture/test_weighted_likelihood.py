@@ -5,7 +5,6 @@ resampling draws.
 import numpy as np
 import pytest
 
-from dart_skill.experiments.thesis import resampling
 from dart_skill.mixture import (
     GaussianMixture,
     mean_log_likelihood,
@@ -54,11 +53,6 @@ def test_resampled_data_tend_to_the_closed_form(seed):
         # Every sample is drawn as often as its weight says, give or take one.
         error = abs(resampled_mean_log_likelihood(MIXTURE, samples, weights, n_drawn, rng) - exact)
         assert error <= size / n_drawn, (n_drawn, error)
-
-
-def test_figure_6_5_converges():
-    measured = resampling.measured_6_5(resampling.compute_6_5())
-    assert measured["error_in_the_end"] < 0.1 * measured["error_at_first"], measured
 
 
 @pytest.mark.parametrize("n_drawn", [1, 7, 50, 1001])

@@ -9,7 +9,13 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import ArmModel, Mode
 from dart_skill.common.situation import Situation
-from dart_skill.experiments.studies.reach import Reached, drawn, run_seed, table, teach
+from dart_skill.experiments.studies.pose_skills import (
+    Reached,
+    belt_drawn,
+    reach_seed,
+    reach_table,
+    teach_reach,
+)
 from dart_skill.recording import Demonstration, Track
 from dart_skill.session import BeltSession, ReachingPerson
 from dart_skill.simulation import Belt, Holder
@@ -24,7 +30,7 @@ BELT = Belt(begin=(0.6, -0.1, 1.1), way=(0.0, 0.2, 0.0))
 def taught():
     """A session of a seed that nothing here was tuned on, and what was learned from four reaches."""
     session = BeltSession(Reach.configured(), seed=41)
-    shown = teach(session, np.random.default_rng(41), 4)
+    shown = teach_reach(session, np.random.default_rng(41), 4)
     yield session, LearnedSkill(session.skill, shown), shown
     session.close()
 
@@ -248,7 +254,7 @@ def test_the_cut_is_from_the_first_movement_to_the_rest_in_the_cup():
 
 def test_belts_are_drawn_where_the_arm_reaches_them():
     skill, rng = Reach.configured(), np.random.default_rng(0)
-    belts = [drawn(skill, rng, wide=True) for _ in range(200)]
+    belts = [belt_drawn(skill, rng, wide=True) for _ in range(200)]
     far = [
         np.hypot(*belt.at(belt.start + after)[0][:2])
         for belt in belts
@@ -257,7 +263,7 @@ def test_belts_are_drawn_where_the_arm_reaches_them():
     assert skill.settings.reach[0] < min(far) and max(far) < skill.settings.reach[1]
     assert {belt.steady for belt in belts} == {True, False}
     assert np.abs([belt.way for belt in belts]).max() > 0.22
-    assert np.abs([drawn(skill, rng).way for _ in range(50)]).max() < 0.2 + 1e-9, (
+    assert np.abs([belt_drawn(skill, rng).way for _ in range(50)]).max() < 0.2 + 1e-9, (
         "where it is shown, belts are slower"
     )
 
@@ -271,7 +277,7 @@ def test_how_the_belt_will_run_is_nothing_that_is_learned_from():
 
 @pytest.mark.slow
 def test_a_seed_is_the_same_each_time():
-    first, second = (run_seed(43, demonstrations=3, cups=1, held=0) for _ in range(2))
+    first, second = (reach_seed(43, demonstrations=3, cups=1, held=0) for _ in range(2))
     assert repr(first) == repr(second) and len(first) == 1
 
 
@@ -294,11 +300,11 @@ def test_the_table_counts_and_names_each_failure():
         rim=nan,
         end=nan,
     )
-    text = table([free, missed, held, lost])
+    text = reach_table([free, missed, held, lost])
     assert "1 of 2" in text and "8.0   12.0" in text and "goes on by 0.10 s" in text
     assert "1 of 1 stopped because of that" in text
     assert (
         "seed 0, free, a cup from rest to rest of 0.10 m/s: the hand ended 12 mm" in text
         and text.count("seed 0") == 1
     )
-    assert "0 of 1" in table([missed]) and "held" not in table([missed])
+    assert "0 of 1" in reach_table([missed]) and "held" not in reach_table([missed])

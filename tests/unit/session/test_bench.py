@@ -8,7 +8,12 @@ import pytest
 
 from dart_skill.arm import Command, Grip
 from dart_skill.common.situation import Pose, Situation
-from dart_skill.experiments.studies.place import Placed, run_seed, table, teach
+from dart_skill.experiments.studies.pose_skills import (
+    Placed,
+    place_seed,
+    place_table,
+    teach_place,
+)
 from dart_skill.recording import Demonstration, Event, Track
 from dart_skill.session import BenchSession
 from dart_skill.simulation import PlantSettings, make_world
@@ -21,7 +26,7 @@ def taught():
     """A session of a seed that nothing here was tuned on, and what was learned from three parts."""
     session = BenchSession(Place.configured(), seed=41)
     rng = np.random.default_rng(41)
-    shown = teach(session, session.skill, rng, 3)
+    shown = teach_place(session, rng, 3)
     yield session, LearnedSkill(session.skill, shown), shown, rng
     session.close()
 
@@ -197,10 +202,10 @@ def test_holders_are_drawn_where_the_arm_reaches_them():
 
 @pytest.mark.slow
 def test_a_seed_is_the_same_each_time_and_its_table_counts():
-    first, second = (run_seed(43, demonstrations=3, parts=1) for _ in range(2))
+    first, second = (place_seed(43, demonstrations=3, parts=1) for _ in range(2))
     assert first == second and len(first) == 1
     placed = [Placed(0, 0.1, 0.5, True, 0.001, ""), Placed(0, 0.2, -0.5, False, 0.04, "it jammed")]
-    assert "1 of 2 parts" in table(
+    assert "1 of 2 parts" in place_table(
         placed
-    ) and "20 cm away, turned by -29 degrees: it jammed" in table(placed)
-    assert "0 of 1 parts" in table(placed[1:])
+    ) and "20 cm away, turned by -29 degrees: it jammed" in place_table(placed)
+    assert "0 of 1 parts" in place_table(placed[1:])

@@ -5,10 +5,21 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from dart_skill.common.flight import landing
-from dart_skill.experiments.studies import scatter_bound, throws
-from dart_skill.experiments.studies.scatter_bound import best_share
+from dart_skill.experiments.studies.throws import (
+    ThrowResult,
+    along_and_across,
+    best_possible,
+    best_share,
+    velocity_to,
+)
 
 HAND, RIM = np.array([-0.2, 0.0, 2.16]), np.array([1.9, 0.6, 0.4])
+
+
+def test_a_miss_is_told_in_the_direction_of_the_throw_and_to_its_left():
+    ahead, left = np.array([0.6, 0.8]), np.array([-0.8, 0.6])
+    told = along_and_across(2.0 * ahead + 0.3 * ahead - 0.1 * left, 2.0 * ahead)
+    assert told == pytest.approx((0.3, -0.1))
 
 
 def test_fingers_that_never_scatter_put_every_ball_in():
@@ -24,19 +35,16 @@ def test_more_scatter_never_helps_and_a_wider_rim_never_hurts():
     assert best_share(HAND, RIM, 0.04, 0.04, 0.15) > shares[2]
 
 
-def test_a_share_is_that_of_the_scatter_to_first_order(monkeypatch):
+def test_a_share_is_that_of_the_scatter_to_first_order():
     """One elevation and no other aim: the covariance of hits from the derivatives of the flight,
     integrated over the disc.
     """
-    monkeypatch.setattr(scatter_bound, "ELEVATIONS", [0.3])
-    monkeypatch.setattr(scatter_bound, "FASTER", [0.0])
     turn, speed, radius = 0.03, 0.01, 0.06
-    (velocity,) = scatter_bound._velocities(HAND, RIM, scatter_bound.TENNIS_BALL)
+    velocity = velocity_to(HAND, RIM, 0.3)
 
     def hit(turned, faster):
-        return landing(
-            HAND, (1.0 + faster) * (velocity + np.cross(turned, velocity)), RIM[2]
-        ).position[:2]
+        scattered = (1.0 + faster) * (velocity + np.cross(turned, velocity))
+        return landing(HAND, scattered, RIM[2]).position[:2]
 
     step, middle = 1e-4, hit(np.zeros(3), 0.0)
     np.testing.assert_allclose(middle, RIM[:2], atol=1e-3)
@@ -45,10 +53,10 @@ def test_a_share_is_that_of_the_scatter_to_first_order(monkeypatch):
     ]
     grid = np.stack(np.meshgrid(*[np.linspace(-radius, radius, 201)] * 2), axis=-1)
     density = multivariate_normal(np.zeros(2), np.transpose(columns).dot(columns)).pdf(grid)
-    expected = (
-        density[np.hypot(*np.moveaxis(grid, -1, 0)) < radius].sum() * (2 * radius / 200) ** 2
-    )
-    assert best_share(HAND, RIM, turn, speed, radius) == pytest.approx(expected, abs=0.03)
+    inside = np.hypot(*np.moveaxis(grid, -1, 0)) < radius
+    expected = density[inside].sum() * (2 * radius / 200) ** 2
+    only = {"elevations": np.degrees([0.3]), "faster": np.zeros(1)}
+    assert best_share(HAND, RIM, turn, speed, radius, **only) == pytest.approx(expected, abs=0.03)
 
 
 def test_a_rim_above_the_reach_of_every_throw_is_refused():
@@ -59,17 +67,14 @@ def test_a_rim_above_the_reach_of_every_throw_is_refused():
 @pytest.mark.slow
 def test_the_arm_says_how_much_its_fingers_scatter():
     """`ideal` has fingers that do not, and a throw that was not planned does not count."""
-    aimed = throws.ThrowResult(0, "ideal", "default", tuple(RIM), 0.0, 0.0, True, "", tuple(HAND))
-    scattered, without = (
-        throws.ThrowResult(
-            0, "scattering_hand", "default", tuple(RIM), np.nan, np.nan, False, "", tuple(where)
-        )
-        for where in (HAND, [np.nan] * 3)
+    aimed, scattered = (
+        ThrowResult(0, arm, "default", tuple(RIM), let_go=tuple(HAND))
+        for arm in ("ideal", "scattering_hand")
     )
-    assert throws.best_possible([aimed]) == 1.0
-    assert 0.75 < throws.best_possible([scattered, without]) < 0.95
-    assert throws.best_possible([without]) is None
+    without = ThrowResult(0, "scattering_hand", "default", tuple(RIM))
+    assert best_possible([aimed]) == 1.0 and best_possible([without]) is None
+    assert 0.75 < best_possible([scattered, without]) < 0.95
     loosened = ("wam_simulator.release_turn=0.035", "wam_simulator.release_speed=0.02")
-    assert throws.best_possible([aimed], loosened) == throws.best_possible([scattered]), (
+    assert best_possible([aimed], loosened) == best_possible([scattered]), (
         "fingers that --set made loose"
     )
