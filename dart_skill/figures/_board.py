@@ -4,7 +4,6 @@ of a leg.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -39,7 +38,6 @@ from dart_skill.figures._style import (
     legend_below,
     letter_panels,
     quantity_colours,
-    save,
 )
 
 NUMBERS_AT = 185.0
@@ -49,10 +47,9 @@ LIMIT = 196.0
 HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}
 
 
-def draw_heat_map(
-    spread: Spread, folder: str | Path, name: str = "heat_map", spacing: float = 1.0
-) -> list[Path]:
-    """Draw the expected score over the board with all local optima, the best one as a cross.
+@house_style()
+def heat_map_figure(spread: Spread, spacing: float = 1.0) -> Figure:
+    """The expected score over the board with all local optima, the best one as a cross.
 
     Parameters
     ----------
@@ -60,61 +57,47 @@ def draw_heat_map(
         Of the thrower.
     spacing
         Of the grid [mm].
-
-    Returns
-    -------
-    list[Path]
-        The paths of the files.
     """
-    with house_style():
-        figure = Figure(figsize=(7.2, 6.3), layout="constrained")
-        axes = figure.subplots()
-        image = _heat(axes, spread, local_optima(spread), spacing)
-        figure.colorbar(image, ax=axes, label="expected score of one dart [points]", shrink=0.8)
-        axes.set_title(f"Expected score by aim, {_describe(spread)}")
-        handles, labels = axes.get_legend_handles_labels()
-        legend_below(figure, handles, labels, 2)
-        return save(figure, folder, name)
+    figure = Figure(figsize=(7.2, 6.3), layout="constrained")
+    axes = figure.subplots()
+    image = _heat(axes, spread, local_optima(spread), spacing)
+    figure.colorbar(image, ax=axes, label="expected score of one dart [points]", shrink=0.8)
+    bias = f", bias ({spread.bias[0]:g}, {spread.bias[1]:g}) mm" if spread.bias.any() else ""
+    narrow, wide = spread.deviations
+    said = f"sigma = {wide:.1f} and {narrow:.1f} mm along its axes"
+    said = f"sigma = {spread.sigma:g} mm" if spread.is_isotropic else said
+    axes.set_title(f"Expected score by aim, {said}{bias}")
+    legend_below(figure, *axes.get_legend_handles_labels(), 2)
+    return figure
 
 
-def draw_path(
-    path: OptimumPath, folder: str | Path, name: str = "best_aim_over_sigma"
-) -> list[Path]:
-    """Draw the best aim over sigma on the board, and its expected score; the curves end where the
+@house_style()
+def path_figure(path: OptimumPath) -> Figure:
+    """The best aim over sigma on the board, and its expected score; the curves end where the
     optimum jumps.
     """
-    with house_style():
-        figure = Figure(figsize=(10.5, 5.0), layout="constrained")
-        board, scores = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
-        draw_board(board, aims=path.aims)
-        for piece in path.pieces:
-            look: dict[str, Any] = {
-                "c": path.sigmas[piece],
-                "vmin": path.sigmas[0],
-                "vmax": path.sigmas[-1],
-                "cmap": quantity_colours(),
-            }
-            board.plot(*path.aims[piece].T, color=GREY, linewidth=0.8, zorder=2)
-            image = board.scatter(*path.aims[piece].T, s=12, zorder=3, **look)
-            scores.plot(path.sigmas[piece], path.expected_scores[piece], color=BLUE)
-        for jump in path.jumps:
-            _mark_jump(board, scores, jump)
-        figure.colorbar(image, ax=board, label="sigma [mm]", shrink=0.8)
-        board.set_title("Best aim for each sigma")
-        scores.set(
-            xlabel="sigma [mm]",
-            ylabel="expected score of one dart [points]",
-            title="What it scores",
-            ylim=(0, None),
-        )
-        letter_panels(board, scores)
-        return save(figure, folder, name)
+    figure = Figure(figsize=(10.5, 5.0), layout="constrained")
+    board, scores = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
+    draw_board(board, aims=path.aims)
+    look: dict[str, Any] = {"vmin": path.sigmas[0], "vmax": path.sigmas[-1], "s": 12, "zorder": 3}
+    for piece in path.pieces:
+        sigmas, aims = path.sigmas[piece], path.aims[piece].T
+        board.plot(*aims, color=GREY, linewidth=0.8, zorder=2)
+        image = board.scatter(*aims, c=sigmas, cmap=quantity_colours(), **look)
+        scores.plot(sigmas, path.expected_scores[piece], color=BLUE)
+    for jump in path.jumps:
+        _mark_jump(board, scores, jump)
+    figure.colorbar(image, ax=board, label="sigma [mm]", shrink=0.8)
+    board.set_title("Best aim for each sigma")
+    scores.set(xlabel="sigma [mm]", ylabel="expected score of one dart [points]")
+    scores.set(title="What it scores", ylim=(0, None))
+    letter_panels(board, scores)
+    return figure
 
 
-def draw_estimate(
-    estimate: SpreadEstimate, best: Aim, folder: str | Path, name: str = "estimate"
-) -> list[Path]:
-    """Draw the likelihood of sigma with its 95 % interval, and where to aim.
+@house_style()
+def estimate_figure(estimate: SpreadEstimate, best: Aim) -> Figure:
+    """The likelihood of sigma with its 95 % interval, and where to aim.
 
     Parameters
     ----------
@@ -123,20 +106,19 @@ def draw_estimate(
     best
         Where to aim.
     """
-    low, high = estimate.confidence_interval()
-    with house_style():
-        figure = Figure(figsize=(10.5, 4.8), layout="constrained")
-        curve, board = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
-        _profile(curve, estimate, low, high)
-        image = _heat(board, estimate.spread, [best], 1.0)
-        figure.colorbar(image, ax=board, label="expected score of one dart [points]", shrink=0.8)
-        board.set_title(f"Aim at {best.bed}: {best.expected_score:.2f} points per dart")
-        letter_panels(curve, board)
-        return save(figure, folder, name)
+    figure = Figure(figsize=(10.5, 4.8), layout="constrained")
+    curve, board = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
+    _profile(curve, estimate)
+    image = _heat(board, estimate.spread, [best], 1.0)
+    figure.colorbar(image, ax=board, label="expected score of one dart [points]", shrink=0.8)
+    board.set_title(f"Aim at {best.bed}: {best.expected_score:.2f} points per dart")
+    letter_panels(curve, board)
+    return figure
 
 
-def draw_leg(policy: LegPolicy, folder: str | Path, name: str = "leg") -> list[Path]:
-    """Draw the expected turns or darts to the finish, and the aims of the first dart of a turn.
+@house_style()
+def leg_figure(policy: LegPolicy) -> Figure:
+    """The expected turns or darts to the finish, and the aims of the first dart of a turn.
 
     Parameters
     ----------
@@ -145,46 +127,26 @@ def draw_leg(policy: LegPolicy, folder: str | Path, name: str = "leg") -> list[P
     """
     remaining = np.arange(2, policy.start + 1)
     aims = policy.aims[policy.choices[0][remaining, 0]]
-    with house_style():
-        figure = Figure(figsize=(10.5, 5.0), layout="constrained")
-        curve, board = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
-        curve.plot(remaining, policy.expected[remaining], color=BLUE)
-        curve.set(
-            xlabel="remaining score [points]",
-            ylabel=f"expected {policy.objective} to the finish",
-            ylim=(0, None),
-            xlim=(0, policy.start),
-        )
-        curve.set_title(
-            f"Double out from {policy.start}: {policy.expected[-1]:.2f} {policy.objective}"
-        )
-        draw_board(board, aims=aims)
-        look = {"cmap": quantity_colours(), "vmin": 2, "vmax": HIGHEST_CHECKOUT, "zorder": 3}
-        late = remaining <= HIGHEST_CHECKOUT
-        if not late.all():
-            many = f"aim with more than {HIGHEST_CHECKOUT} left"
-            board.plot(
-                *aims[~late].T,
-                "x",
-                color=BASKET,
-                markersize=5,
-                linestyle="none",
-                label=many,
-                zorder=4,
-            )
-        image = board.scatter(
-            *aims[late].T,
-            c=remaining[late],
-            s=18,
-            label="aim with a score left that one turn can finish",
-            **look,
-        )
-        figure.colorbar(image, ax=board, label="remaining score [points]", shrink=0.8)
-        board.set_title("Where the first dart of a turn is aimed")
-        letter_panels(curve, board)
-        handles, labels = board.get_legend_handles_labels()
-        legend_below(figure, handles, labels, 2)
-        return save(figure, folder, name)
+    late, what = remaining <= HIGHEST_CHECKOUT, policy.objective
+    figure = Figure(figsize=(10.5, 5.0), layout="constrained")
+    curve, board = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
+    curve.plot(remaining, policy.expected[remaining], color=BLUE)
+    curve.set(xlabel="remaining score [points]", ylabel=f"expected {what} to the finish")
+    curve.set(ylim=(0, None), xlim=(0, policy.start))
+    curve.set_title(f"Double out from {policy.start}: {policy.expected[-1]:.2f} {what}")
+    draw_board(board, aims=aims)
+    if not late.all():
+        cross: dict[str, Any] = {"color": BASKET, "markersize": 5, "linestyle": "none"}
+        many = f"aim with more than {HIGHEST_CHECKOUT} left"
+        board.plot(*aims[~late].T, "x", label=many, zorder=4, **cross)
+    look = {"cmap": quantity_colours(), "vmin": 2, "vmax": HIGHEST_CHECKOUT, "zorder": 3}
+    few = "aim with a score left that one turn can finish"
+    image = board.scatter(*aims[late].T, c=remaining[late], s=18, label=few, **look)
+    figure.colorbar(image, ax=board, label="remaining score [points]", shrink=0.8)
+    board.set_title("Where the first dart of a turn is aimed")
+    letter_panels(curve, board)
+    legend_below(figure, *board.get_legend_handles_labels(), 2)
+    return figure
 
 
 def draw_board(axes: Axes, colour: str = LIGHT, aims: np.ndarray | None = None) -> None:
@@ -241,67 +203,33 @@ def _heat(axes: Axes, spread: Spread, optima: list[Aim], spacing: float) -> Axes
         interpolation="nearest",
     )
     draw_board(axes, "#FFFFFF60", np.array([optimum.point for optimum in optima]))
+    dot: dict[str, Any] = {"color": "white", "markeredgecolor": BLACK, "markersize": 5}
     for number, optimum in enumerate(optima[1:]):
         name = None if number else "other local optimum"
-        axes.plot(
-            *optimum.point,
-            "o",
-            color="white",
-            markeredgecolor=BLACK,
-            markersize=5,
-            linestyle="none",
-            label=name,
-        )
-    axes.plot(
-        *optima[0].point,
-        "P",
-        color=BASKET,
-        markeredgecolor="white",
-        markersize=11,
-        linestyle="none",
-        label="best aim",
-    )
-    beside = optima[0].point + [0.0, 14.0 if optima[0].point[1] < 0 else -14.0]
-    axes.text(
-        beside[0],
-        beside[1],
-        f"{optima[0].bed}: {optima[0].expected_score:.2f}",
-        ha="center",
-        va="center",
-        bbox=HALO,
-    )
+        axes.plot(*optimum.point, "o", linestyle="none", label=name, **dot)
+    best, (x, y) = optima[0], optima[0].point
+    cross: dict[str, Any] = {"color": BASKET, "markeredgecolor": "white", "markersize": 11}
+    axes.plot(x, y, "P", linestyle="none", label="best aim", **cross)
+    said, beside = f"{best.bed}: {best.expected_score:.2f}", y + (14.0 if y < 0 else -14.0)
+    axes.text(x, beside, said, ha="center", va="center", bbox=HALO)
     return image
 
 
 def _mark_jump(board: Axes, scores: Axes, jump: Jump) -> None:
+    ring: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": VERMILION}
     for aim, side in ((jump.below, "<"), (jump.above, ">")):
-        board.plot(
-            *aim.point,
-            "o",
-            markerfacecolor="none",
-            markeredgecolor=VERMILION,
-            markersize=9,
-            zorder=4,
-        )
-        place = aim.point + [14.0, 0.0]
-        board.text(
-            place[0],
-            place[1],
-            f"{aim.bed}, sigma {side} {jump.sigma:.2f}",
-            color=VERMILION,
-            va="center",
-            fontsize=8.5,
-            bbox=HALO,
-            zorder=5,
-        )
+        board.plot(*aim.point, "o", markersize=9, zorder=4, **ring)
+        text = f"{aim.bed}, sigma {side} {jump.sigma:.2f}"
+        look: dict[str, Any] = {"color": VERMILION, "va": "center", "fontsize": 8.5}
+        board.text(aim.point[0] + 14.0, aim.point[1], text, bbox=HALO, zorder=5, **look)
     scores.axvline(jump.sigma, color=VERMILION, linewidth=0.9)
     label = f" {jump.sigma:.2f} mm: {jump.below.bed} to {jump.above.bed}"
-    scores.text(
-        jump.sigma, 0.97, label, transform=scores.get_xaxis_transform(), color=VERMILION, va="top"
-    )
+    place: dict[str, Any] = {"transform": scores.get_xaxis_transform(), "va": "top"}
+    scores.text(jump.sigma, 0.97, label, color=VERMILION, **place)
 
 
-def _profile(axes: Axes, estimate: SpreadEstimate, low: float, high: float) -> None:
+def _profile(axes: Axes, estimate: SpreadEstimate) -> None:
+    low, high = estimate.confidence_interval()
     left = 0.85 * (low if low > 0 else 0.5 * estimate.sigma)
     right = 1.15 * (high if np.isfinite(high) else 3.0 * estimate.sigma)
     sigmas = np.linspace(left, right, 61)
@@ -311,19 +239,7 @@ def _profile(axes: Axes, estimate: SpreadEstimate, low: float, high: float) -> N
     for end in (low, high):
         if left < end < right:
             axes.axvline(end, color=GREY, linewidth=0.8, linestyle="--")
-    axes.set(
-        xlabel="sigma [mm]",
-        ylabel="log-likelihood below its maximum",
-        ylim=(-4.0, 0.15),
-        xlim=(left, right),
-    )
+    axes.set(xlabel="sigma [mm]", ylabel="log-likelihood below its maximum")
+    axes.set(ylim=(-4.0, 0.15), xlim=(left, right))
     found = f"sigma = {estimate.sigma:.1f} mm, 95 % from {low:.1f} to {high:.1f} mm"
     axes.set_title(f"{estimate.n_throws} darts, {estimate.model} spread\n{found}")
-
-
-def _describe(spread: Spread) -> str:
-    bias = f", bias ({spread.bias[0]:g}, {spread.bias[1]:g}) mm" if spread.bias.any() else ""
-    if spread.is_isotropic:
-        return f"sigma = {spread.sigma:g} mm{bias}"
-    narrow, wide = spread.deviations
-    return f"sigma = {wide:.1f} and {narrow:.1f} mm along its axes{bias}"

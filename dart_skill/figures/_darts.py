@@ -5,7 +5,6 @@ where its darts went.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,6 @@ from dart_skill.figures._style import (
     house_style,
     letter_panels,
     quantity_colours,
-    save,
     zoomed_inset,
 )
 from dart_skill.session import Dart, DartsRun
@@ -35,29 +33,14 @@ from dart_skill.session import Dart, DartsRun
 RUNNING = 25
 """Throws of a running mean."""
 MOST_BEDS = 12
+"""Largest number of beds that the panel of aims names."""
 FEW = 60
 """Largest number of throws that are drawn with large marks."""
 BLOB = 40.0
 """Hits that are all so near to the bull are shown larger, too [mm]."""
 
 
-def draw_arm_darts(run: DartsRun, folder: str | Path, name: str = "arm_darts") -> list[Path]:
-    """Write the figure.
-
-    Parameters
-    ----------
-    run
-        All throws of one arm.
-
-    Returns
-    -------
-    list[Path]
-        The paths.
-    """
-    with house_style():
-        return save(arm_darts_figure(run), folder, name)
-
-
+@house_style()
 def arm_darts_figure(run: DartsRun, narrow: bool = False) -> Figure:
     """The figure itself.
 
@@ -74,31 +57,26 @@ def arm_darts_figure(run: DartsRun, narrow: bool = False) -> Figure:
     if not run.darts:
         raise ValueError("a run without throws: there is nothing to draw")
     throws = np.arange(1, len(run.darts) + 1)
-    with house_style():
-        figure = Figure(figsize=(NARROW, 12.0) if narrow else (12.0, 7.2), layout="constrained")
-        grid = (
-            figure.add_gridspec(4, 1, height_ratios=(1, 1, 1, 1.5))
-            if narrow
-            else figure.add_gridspec(3, 2, width_ratios=(1.55, 1.0))
-        )
-        spread = figure.add_subplot(grid[0, 0])
-        aim, scores = (figure.add_subplot(grid[k, 0], sharex=spread) for k in (1, 2))
-        hits = figure.add_subplot(grid[3, 0] if narrow else grid[:, 1])
-        _draw_spread(spread, throws, run.darts)
-        _draw_aim(aim, throws, run.darts)
-        _draw_scores(scores, throws, run.darts)
-        _draw_hits(figure, hits, throws, run.darts)
-        letter_panels(spread, aim, scores, hits)
-        for axes in (spread, scores):
-            _legend_between(axes, 2 if narrow else 4)
-        x, _, height = run.board
-        figure.suptitle(
-            f"Darts by the arm, seed {run.seed}:{chr(10) if narrow else ' '}bull {x:.2f} m from"
-            f" the base axis and {height:.2f} m high",
-            x=0.01,
-            ha="left",
-        )
-        return figure
+    figure = Figure(figsize=(NARROW, 12.0) if narrow else (12.0, 7.2), layout="constrained")
+    if narrow:
+        grid = figure.add_gridspec(4, 1, height_ratios=(1, 1, 1, 1.5))
+    else:
+        grid = figure.add_gridspec(3, 2, width_ratios=(1.55, 1.0))
+    spread = figure.add_subplot(grid[0, 0])
+    aim, scores = (figure.add_subplot(grid[k, 0], sharex=spread) for k in (1, 2))
+    hits = figure.add_subplot(grid[3, 0] if narrow else grid[:, 1])
+    _draw_spread(spread, throws, run.darts)
+    _draw_aim(aim, throws, run.darts)
+    _draw_scores(scores, throws, run.darts)
+    _draw_hits(figure, hits, throws, run.darts)
+    letter_panels(spread, aim, scores, hits)
+    for axes in (spread, scores):
+        _legend_between(axes, 2 if narrow else 4)
+    x, _, height = run.board
+    where = f"bull {x:.2f} m from the base axis and {height:.2f} m high"
+    between = "\n" if narrow else " "
+    figure.suptitle(f"Darts by the arm, seed {run.seed}:{between}{where}", x=0.01, ha="left")
+    return figure
 
 
 def running(values: np.ndarray, n: int = RUNNING) -> np.ndarray:
@@ -113,14 +91,10 @@ def running(values: np.ndarray, n: int = RUNNING) -> np.ndarray:
     return result
 
 
-def _misses(darts: Sequence[Dart]) -> np.ndarray:
-    return np.array([np.subtract(dart.hit, dart.aim) for dart in darts])
-
-
 def _draw_spread(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
     sigmas = np.sqrt(np.array([np.diag(dart.covariance) for dart in darts]))
     sigmas[sigmas == 0.0] = np.nan
-    miss = np.abs(_misses(darts))
+    miss = np.abs([np.subtract(dart.hit, dart.aim) for dart in darts])
     for axis, (label, colour, marker) in enumerate(
         (("across", ORANGE, "x"), ("up and down", BLUE, "."))
     ):
@@ -131,9 +105,8 @@ def _draw_spread(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
             "linestyle": "none",
         }
         axes.plot(throws, miss[:, axis], marker, label=f"miss {label}", **look)
-        _plot_known(
-            axes, throws, sigmas[:, axis], color=colour, linewidth=1.8, label=f"sigma {label}"
-        )
+        line: dict[str, Any] = {"color": colour, "linewidth": 1.8, "label": f"sigma {label}"}
+        _plot_known(axes, throws, sigmas[:, axis], **line)
     axes.set(
         ylabel="spread [mm]",
         ylim=(0, 1.05 * np.nanpercentile(miss, 99) + 1),
@@ -141,29 +114,19 @@ def _draw_spread(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
     )
     moved = 1e3 * np.array([dart.release_shift for dart in darts])
     if np.isfinite(moved).any():
-        _draw_release(axes.twinx(), throws, moved)
-
-
-def _draw_release(axes: Axes, throws: np.ndarray, moved: np.ndarray) -> None:
-    axes.step(throws, moved, where="mid", color=RELEASE, linewidth=1.0, linestyle="--")
-    axes.set_ylabel("release moved by [ms]", color=RELEASE)
-    axes.spines["right"].set_visible(True)
-    axes.set_ylim(3.0 * min(np.nanmin(moved), -1.0), 0.0)
+        release = axes.twinx()
+        release.step(throws, moved, where="mid", color=RELEASE, linewidth=1.0, linestyle="--")
+        release.set_ylabel("release moved by [ms]", color=RELEASE)
+        release.spines["right"].set_visible(True)
+        release.set_ylim(3.0 * min(np.nanmin(moved), -1.0), 0.0)
 
 
 def _draw_aim(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
     beds = [name_at(dart.aim) for dart in darts]
     names = list(dict.fromkeys(beds))[:MOST_BEDS]
     level = [names.index(bed) if bed in names else np.nan for bed in beds]
-    axes.plot(
-        throws,
-        level,
-        "s",
-        color=BLACK,
-        markersize=2.5 * _larger(throws),
-        linestyle="none",
-        gid="aims",
-    )
+    size = 2.5 * _larger(throws)
+    axes.plot(throws, level, "s", color=BLACK, markersize=size, linestyle="none")
     axes.set_yticks(range(len(names)), names)
     axes.set(
         ylabel="bed aimed at",

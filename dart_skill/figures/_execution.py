@@ -7,8 +7,6 @@ three dimensions.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -31,7 +29,6 @@ from dart_skill.figures._style import (
     legend_below,
     letter_panels,
     panels,
-    save,
     unit_along,
 )
 from dart_skill.figures._synchronisation import SAME_BASKET, HandRecording
@@ -66,18 +63,6 @@ class ExecutedThrow:
     ball_time: np.ndarray
     ball_position: np.ndarray
 
-    def __post_init__(self) -> None:
-        hand, ball = (
-            ("hand", 2, self.hand_time, self.hand_position),
-            ("ball", 0, self.ball_time, self.ball_position),
-        )
-        for name, least, time, position in (hand, ball):
-            if len(time) < least or np.shape(position) != (len(time), 3):
-                raise ValueError(
-                    f"{name}: need time (n,) and position (n, 3), n >= {least}, got"
-                    f" {np.shape(time)}, {np.shape(position)}"
-                )
-
     @property
     def tracking_error(self) -> np.ndarray:
         """(n, 2): along the planned motion, positive ahead of the plan, and distance beside it
@@ -103,7 +88,7 @@ def executed_throw(recordings: Sequence[HandRecording], plan: ThrowPlan) -> Exec
     found = [
         (one, one.opened_ns)
         for one in recordings
-        if one.opened_ns is not None and _distance(one.basket, plan.target) < SAME_BASKET
+        if one.opened_ns is not None and np.linalg.norm(one.basket - plan.target) < SAME_BASKET
     ]
     if not found:
         place = plan.target.round(3).tolist()
@@ -127,49 +112,30 @@ def executed_throw(recordings: Sequence[HandRecording], plan: ThrowPlan) -> Exec
     )
 
 
-def draw_execution(
-    throw: ExecutedThrow, folder: str | Path, basket: Basket | None = None
-) -> list[Path]:
-    """Write the figure.
-
-    Parameters
-    ----------
-    basket
-        Its size, the one of the simulator by default.
-    throw
-        What was planned and what was done.
-
-    Returns
-    -------
-    list[pathlib.Path]
-        The paths.
-    """
-    with house_style():
-        return save(execution_figure(throw, basket), folder, "execution")
-
-
+@house_style()
 def execution_figure(
     throw: ExecutedThrow, basket: Basket | None = None, narrow: bool = False
 ) -> Figure:
-    """The figure itself, as `draw_execution` writes it.
+    """The figure.
 
     Parameters
     ----------
+    throw
+        What was planned and what was done.
+    basket
+        Its size, the one of the simulator by default.
     narrow
         Its panels stand one below the other.
-    throw, basket
-        As of `draw_execution`.
     """
-    with house_style():
-        figure, (side, error) = panels([(6.4, 4.6), (4.1, 3.4 if narrow else 4.6)], narrow)
-        _draw_side(side, throw, basket or Basket())
-        _draw_error(error, throw)
-        (handles, labels), (more, others) = (
-            axes.get_legend_handles_labels() for axes in (side, error)
-        )
-        letter_panels(side, error)
-        legend_below(figure, [*handles, *more], [*labels, *others], 5, narrow)
-        return figure
+    figure, (side, error) = panels([(6.4, 4.6), (4.1, 3.4 if narrow else 4.6)], narrow)
+    _draw_side(side, throw, basket or Basket())
+    _draw_error(error, throw)
+    (handles, labels), (more, others) = (
+        axes.get_legend_handles_labels() for axes in (side, error)
+    )
+    letter_panels(side, error)
+    legend_below(figure, [*handles, *more], [*labels, *others], 5, narrow)
+    return figure
 
 
 def _draw_side(axes: Axes, throw: ExecutedThrow, basket: Basket) -> None:
@@ -180,7 +146,22 @@ def _draw_side(axes: Axes, throw: ExecutedThrow, basket: Basket) -> None:
     def seen(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return points[:, :2] @ forward, points[:, 2]
 
-    _draw_arm(axes)
+    # The floor, the stand with the base axis, and the shoulder.
+    shoulder = wam_description().mount_height + wam_description().shoulder_height
+    axes.axhline(0.0, color=LIGHT, linewidth=1.0, zorder=0)
+    axes.plot(
+        [0.0, 0.0],
+        [0.0, shoulder],
+        color=LIGHT,
+        linewidth=4.0,
+        solid_capstyle="butt",
+        zorder=0,
+        gid="arm",
+    )
+    axes.plot(0.0, shoulder, "o", color=GREY, markersize=6, zorder=0)
+    axes.annotate(
+        "shoulder", (0.0, shoulder), xytext=(8, -3), textcoords="offset points", color=GREY
+    )
     basket_from_the_side(
         axes, float(plan.target[:2] @ forward), float(plan.target[2]), basket.radius, basket.depth
     )
@@ -221,43 +202,22 @@ def _draw_side(axes: Axes, throw: ExecutedThrow, basket: Basket) -> None:
         label="release, planned",
         gid="release",
     )
-    cross: dict[str, Any] = {
-        "color": BLACK,
-        "markersize": 8,
-        "markeredgewidth": 2,
-        "linestyle": "none",
-    }
     axes.plot(
         *seen(plan.predicted_landing[None]),
         "x",
+        color=BLACK,
+        markersize=8,
+        markeredgewidth=2,
+        linestyle="none",
         label="landing, planned",
         gid="predicted_landing",
-        **cross,
     )
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("forward, in the plane of the throw [m]")
-    axes.set_ylabel("height [m]")
     distance = np.hypot(plan.target[0], plan.target[1])
-    axes.set_title(f"Throw at a basket at {distance:.2f} m, {np.degrees(azimuth):+.0f}°")
-
-
-def _draw_arm(axes: Axes) -> None:
-    """The floor, the stand with the base axis, and the shoulder."""
-    description = wam_description()
-    shoulder = description.mount_height + description.shoulder_height
-    axes.axhline(0.0, color=LIGHT, linewidth=1.0, zorder=0)
-    axes.plot(
-        [0.0, 0.0],
-        [0.0, shoulder],
-        color=LIGHT,
-        linewidth=4.0,
-        solid_capstyle="butt",
-        zorder=0,
-        gid="arm",
-    )
-    axes.plot(0.0, shoulder, "o", color=GREY, markersize=6, zorder=0)
-    axes.annotate(
-        "shoulder", (0.0, shoulder), xytext=(8, -3), textcoords="offset points", color=GREY
+    axes.set(
+        xlabel="forward, in the plane of the throw [m]",
+        ylabel="height [m]",
+        title=f"Throw at a basket at {distance:.2f} m, {np.degrees(azimuth):+.0f}°",
     )
 
 
@@ -285,18 +245,15 @@ def _draw_error(axes: Axes, throw: ExecutedThrow) -> None:
     axes.annotate("release", (0.0, 1.0), xycoords=("data", "axes fraction"), xytext=(-4, -10), textcoords="offset points",
                   color=RELEASE, ha="right")  # fmt: skip
     largest = total[time <= 0.0].max(initial=0.0)
-    axes.set_title(
-        f"Tracking error of the hand: {np.interp(0.0, time, total):.1f} mm at the\nrelease, at"
-        f" most {largest:.1f} mm before it"
+    axes.set(
+        title=(
+            f"Tracking error of the hand: {np.interp(0.0, time, total):.1f} mm at the\nrelease, at"
+            f" most {largest:.1f} mm before it"
+        ),
+        xlabel="time since the planned release [s]",
+        ylabel="hand seen minus planned [mm]",
     )
-    axes.set_xlabel("time since the planned release [s]")
-    axes.set_ylabel("hand seen minus planned [mm]")
 
 
 def _interpolated(at: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.column_stack([np.interp(at, time, column) for column in values.T])
-
-
-def _distance(first: np.ndarray, second: np.ndarray) -> float:
-    distance = float(np.linalg.norm(first - second))
-    return distance if np.isfinite(distance) else float("inf")

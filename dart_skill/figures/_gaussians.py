@@ -9,7 +9,6 @@ those for the median task.
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,7 +31,6 @@ from dart_skill.figures._style import (
     legend_below,
     letter_panels,
     quantity_colours,
-    save,
 )
 from dart_skill.movement import TaskFrame, azimuth_target_frame
 from dart_skill.skills.learning import PreparedThrow, ThrowingSkill, frames_for
@@ -98,21 +96,6 @@ class FrameView:
     covariances: np.ndarray
     times: np.ndarray
 
-    def __post_init__(self) -> None:
-        k, n = len(self.times), len(self.attractors)
-        shapes = {"means": (k, 3), "covariances": (k, 3, 3), "releases": (n, 3)}
-        for field, shape in shapes.items():
-            if np.shape(getattr(self, field)) != shape:
-                raise ValueError(
-                    f"view '{self.name}': {field} has shape {np.shape(getattr(self, field))}; it"
-                    f" must be {shape}"
-                )
-        if not k or not n:
-            raise ValueError(
-                f"view '{self.name}' has {n} demonstrations and {k} components; it needs at least"
-                " one of each"
-            )
-
 
 def frame_views(skill: ThrowingSkill) -> tuple[FrameView, FrameView]:
     """The skill's demonstrations and components in two frames."""
@@ -139,20 +122,9 @@ def median_task(skill: ThrowingSkill) -> np.ndarray:
     return throws[len(throws) // 2].task
 
 
-def draw_gaussians(skill: ThrowingSkill, folder: str | Path) -> list[Path]:
-    """Write the figure.
-
-    Returns
-    -------
-    list[pathlib.Path]
-        The paths.
-    """
-    with house_style():
-        return save(gaussians_figure(skill), folder, "gaussians")
-
-
+@house_style()
 def gaussians_figure(skill: ThrowingSkill, narrow: bool = False) -> Figure:
-    """The figure itself, as `draw_gaussians` writes it.
+    """The figure of a skill that has learned.
 
     Parameters
     ----------
@@ -162,37 +134,36 @@ def gaussians_figure(skill: ThrowingSkill, narrow: bool = False) -> Figure:
     views = frame_views(skill)
     times = np.concatenate([view.times for view in views])
     shades = ScalarMappable(Normalize(times.min() - 1e-6, times.max() + 1e-6), quantity_colours())
-    with house_style():
-        ratios = _height_ratios(views)
-        if narrow:
-            figure = Figure(
-                figsize=(NARROW, 2.4 + 2.0 * NARROW * sum(ratios)), layout=FixedMargins(4, 1)
-            )
-            grid = figure.subplots(4, 1, height_ratios=2 * ratios).reshape(2, 2).T
-        else:
-            figure = Figure(figsize=(10.5, 1.6 + 4.7 * sum(ratios)), layout=FixedMargins(2, 2))
-            grid = figure.subplots(2, 2, height_ratios=ratios)
-        for number, (column, view) in enumerate(zip(grid.T, views, strict=True), start=1):
-            for axes, plane, side in zip(column, PLANES, ("side", "above"), strict=True):
-                _draw_view(axes, view, plane, shades, f"frame{number}_{side}")
-                axes.set_title(f"{view.name}\nfrom {'the side' if side == 'side' else 'above'}")
-        letter_panels(*(grid.T if narrow else grid).ravel())
-        instant = (
-            "release" if skill.configuration.alignment == "release" else "start of the motion"
+    # Height over width of the rows, as the attractors need it.
+    spans = [np.ptp(np.concatenate(view.attractors), axis=0) for view in views]
+    ratios = [
+        float(np.clip(max(span[up] / span[across] for span in spans), 0.4, 1.0))
+        for across, up in PLANES
+    ]
+    if narrow:
+        figure = Figure(
+            figsize=(NARROW, 2.4 + 2.0 * NARROW * sum(ratios)), layout=FixedMargins(4, 1)
         )
-        colour_bar(figure, shades, f"time of the component since the {instant} [s]", narrow)
-        handles, labels = grid[0, 0].get_legend_handles_labels()
-        legend_below(figure, handles, labels, len(labels), narrow)
-        figure.suptitle(
-            (
-                _headline(skill).replace(": ", ":\n", 1).replace(", n", ",\nn")
-                if narrow
-                else _headline(skill)
-            ),
-            x=0.01,
-            ha="left",
-        )
-        return figure
+        grid = figure.subplots(4, 1, height_ratios=2 * ratios).reshape(2, 2).T
+    else:
+        figure = Figure(figsize=(10.5, 1.6 + 4.7 * sum(ratios)), layout=FixedMargins(2, 2))
+        grid = figure.subplots(2, 2, height_ratios=ratios)
+    for number, (column, view) in enumerate(zip(grid.T, views, strict=True), start=1):
+        for axes, plane, side in zip(column, PLANES, ("side", "above"), strict=True):
+            _draw_view(axes, view, plane, shades, f"frame{number}_{side}")
+            axes.set_title(f"{view.name}\nfrom {'the side' if side == 'side' else 'above'}")
+    letter_panels(*(grid.T if narrow else grid).ravel())
+    instant = (
+        "release" if skill.configuration.alignment == "release" else "start of the motion"
+    )
+    colour_bar(figure, shades, f"time of the component since the {instant} [s]", narrow)
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    legend_below(figure, handles, labels, len(labels), narrow)
+    headline = _headline(skill)
+    if narrow:
+        headline = headline.replace(": ", ":\n", 1).replace(", n", ",\nn")
+    figure.suptitle(headline, x=0.01, ha="left")
+    return figure
 
 
 def _from_the_target(
@@ -263,10 +234,8 @@ def _headline(skill: ThrowingSkill) -> str:
     distance = f"a target at {np.hypot(*median_task(skill)[:2]):.2f} m"
     which = ""
     if c.nearest or c.width:
-        which = (
-            f", {f'the {c.nearest} nearest' if c.nearest else f'weights of width {c.width:g} m'}"
-            f" for {distance}"
-        )
+        how = f"the {c.nearest} nearest" if c.nearest else f"weights of width {c.width:g} m"
+        which = f", {how} for {distance}"
     elif c.frames == ("azimuth",) and not c.distance_input:
         which = f"; right: components for {distance}"
     return (
@@ -275,22 +244,18 @@ def _headline(skill: ThrowingSkill) -> str:
     )
 
 
-def _height_ratios(views: tuple[FrameView, FrameView]) -> list[float]:
-    """Height over width of the rows, as the attractors need it."""
-    spans = [np.ptp(np.concatenate(view.attractors), axis=0) for view in views]
-    return [
-        float(np.clip(max(span[up] / span[across] for span in spans), 0.4, 1.0))
-        for across, up in PLANES
-    ]
-
-
 def _draw_view(
     axes: Axes, view: FrameView, plane: tuple[int, int], shades: ScalarMappable, gid: str
 ) -> None:
-    ways = [path[:, plane] for path in view.attractors]
-    look: dict[str, Any] = {"colors": DEMONSTRATION, "linewidths": 0.7, "zorder": 2}
     axes.add_collection(
-        LineCollection(ways, label="attractor of a demonstration", gid=f"{gid}_attractors", **look)
+        LineCollection(
+            [path[:, plane] for path in view.attractors],
+            colors=DEMONSTRATION,
+            linewidths=0.7,
+            zorder=2,
+            label="attractor of a demonstration",
+            gid=f"{gid}_attractors",
+        )
     )
     _draw_components(axes, view, plane, shades, f"{gid}_components")
     dots: dict[str, Any] = {
@@ -319,8 +284,7 @@ def _draw_view(
     )
     axes.set_aspect("equal", adjustable="datalim")
     axes.xaxis.set_major_locator(MaxNLocator(6))
-    axes.set_xlabel(f"{view.axes[plane[0]]} [m]")
-    axes.set_ylabel(f"{view.axes[plane[1]]} [m]")
+    axes.set(xlabel=f"{view.axes[plane[0]]} [m]", ylabel=f"{view.axes[plane[1]]} [m]")
 
 
 def _draw_components(
@@ -329,15 +293,19 @@ def _draw_components(
     means, covariances = view.means[:, plane], view.covariances[:, plane][:, :, plane]
     sizes, angles = ellipse_axes(covariances, DEVIATIONS)
     colours = shades.to_rgba(view.times)
-    inside = np.column_stack([colours[:, :3], np.full(len(colours), 0.15)])
-    look: dict[str, Any] = {
-        "facecolors": inside,
-        "edgecolors": colours,
-        "linewidths": 1.2,
-        "zorder": 2.5,
-        "gid": gid,
-    }
-    look |= {"units": "xy", "offsets": means, "offset_transform": axes.transData}
-    axes.add_collection(EllipseCollection(sizes[:, 0], sizes[:, 1], angles, **look), autolim=False)
+    ellipses = EllipseCollection(
+        sizes[:, 0],
+        sizes[:, 1],
+        angles,
+        units="xy",
+        offsets=means,
+        offset_transform=axes.transData,
+        facecolors=np.column_stack([colours[:, :3], np.full(len(colours), 0.15)]),
+        edgecolors=colours,
+        linewidths=1.2,
+        zorder=2.5,
+        gid=gid,
+    )
+    axes.add_collection(ellipses, autolim=False)
     reach = DEVIATIONS * np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
     axes.update_datalim(np.concatenate([means - reach, means + reach]))

@@ -8,8 +8,6 @@ far each trial was off.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -31,7 +29,6 @@ from dart_skill.figures._style import (
     legend_below,
     letter_panels,
     panels,
-    save,
     unit_along,
     zoomed_inset,
 )
@@ -43,69 +40,40 @@ RIM_RADIUS = the_world().basket_radius
 HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
 
 
-def draw_landings(
-    throws: Sequence[TrialResult],
-    demonstrated: np.ndarray,
-    folder: str | Path,
-    rim_radius: float = RIM_RADIUS,
-) -> list[Path]:
-    """Write the figure.
-
-    Parameters
-    ----------
-    demonstrated : (n, >= 2)
-        Baskets of the demonstrations [m].
-    throws
-        Their results.
-    rim_radius
-        Of the baskets [m].
-
-    Returns
-    -------
-    list[Path]
-        The paths.
-    """
-    with house_style():
-        return save(landings_figure(throws, demonstrated, rim_radius), folder, "landings")
-
-
+@house_style()
 def landings_figure(
     throws: Sequence[TrialResult],
     demonstrated: np.ndarray,
     rim_radius: float = RIM_RADIUS,
     narrow: bool = False,
 ) -> Figure:
-    """The figure itself, as `draw_landings` writes it.
+    """The figure.
 
     Parameters
     ----------
+    throws
+        Their results.
+    demonstrated : (n, 3)
+        Baskets of the demonstrations [m].
+    rim_radius
+        Of the baskets [m].
     narrow
         Its panels stand one below the other.
-    throws, demonstrated, rim_radius
-        As of `draw_landings`.
 
     Raises
     ------
     ValueError
         If there is nothing to draw.
     """
-    demonstrated = np.asarray(demonstrated, dtype=float)
-    demonstrated = demonstrated.reshape(-1, 3) if demonstrated.size == 0 else demonstrated
-    if demonstrated.ndim != 2 or demonstrated.shape[1] < 2 or not np.isfinite(demonstrated).all():
-        raise ValueError(
-            f"demonstrated baskets have shape {demonstrated.shape} or are not finite; they must be"
-            " (n, 3) metres"
-        )
     if not throws and not len(demonstrated):
         raise ValueError("no throws and no demonstrated baskets: there is nothing to draw")
-    with house_style():
-        figure, (plan, misses) = panels([(5.25, 5.4), (5.25, 5.4)], narrow)
-        _draw_plan(plan, throws, demonstrated, rim_radius)
-        _draw_misses(misses, throws, 100.0 * rim_radius)
-        handles, labels = plan.get_legend_handles_labels()
-        letter_panels(plan, misses)
-        legend_below(figure, handles, labels, len(labels), narrow)
-        return figure
+    figure, (plan, misses) = panels([(5.25, 5.4), (5.25, 5.4)], narrow)
+    _draw_plan(plan, throws, demonstrated, rim_radius)
+    _draw_misses(misses, throws, 100.0 * rim_radius)
+    handles, labels = plan.get_legend_handles_labels()
+    letter_panels(plan, misses)
+    legend_below(figure, handles, labels, len(labels), narrow)
+    return figure
 
 
 def along_across(throw: TrialResult) -> np.ndarray:
@@ -113,8 +81,7 @@ def along_across(throw: TrialResult) -> np.ndarray:
     it, + to the left.
     """
     forward = unit_along(throw.azimuth)
-    if throw.landing is None:
-        raise ValueError(f"nobody saw where the throw at {throw.target} landed: there is no miss")
+    assert throw.landing is not None  # only of throws that were seen
     miss = np.array(throw.landing[:2]) - throw.target[:2]
     return np.array([miss @ forward, miss @ [-forward[1], forward[0]]])
 
@@ -124,20 +91,26 @@ def _draw_plan(
 ) -> None:
     axes.plot(0.0, 0.0, "s", color=BLACK, markersize=8, label="arm", gid="arm")
     for number, centre in enumerate(demonstrated, start=1):
-        look: dict[str, Any] = {
-            "facecolor": "none",
-            "edgecolor": DEMONSTRATION,
-            "linestyle": "--",
-            "label": "basket, demonstrated" if number == 1 else None,
-        }
-        basket_from_above(axes, centre, radius, gid=f"demonstrated_{number}", **look)
+        basket_from_above(
+            axes,
+            centre,
+            radius,
+            facecolor="none",
+            edgecolor=DEMONSTRATION,
+            linestyle="--",
+            label="basket, demonstrated" if number == 1 else None,
+            gid=f"demonstrated_{number}",
+        )
     for number, throw in enumerate(throws, start=1):
-        look = {
-            "facecolor": PALE,
-            "edgecolor": BASKET,
-            "label": "basket, thrown at" if number == 1 else None,
-        }
-        basket_from_above(axes, throw.target, radius, gid=f"thrown_{number}", **look)
+        basket_from_above(
+            axes,
+            throw.target,
+            radius,
+            facecolor=PALE,
+            edgecolor=BASKET,
+            label="basket, thrown at" if number == 1 else None,
+            gid=f"thrown_{number}",
+        )
         beyond = throw.target[:2] + (radius + 0.08) * unit_along(throw.azimuth)
         axes.text(beyond[0], beyond[1], str(number), ha="center", va="center", bbox=HALO, zorder=4)
     seen = [throw for throw in throws if throw.landing is not None]
@@ -146,10 +119,10 @@ def _draw_plan(
     )
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
-    axes.set_xlabel("x, front of the arm [m]")
-    axes.set_ylabel("y [m]")
-    axes.set_title(
-        f"Floor plan: {len(demonstrated)} demonstrated baskets, {len(throws)} thrown at"
+    axes.set(
+        xlabel="x, front of the arm [m]",
+        ylabel="y [m]",
+        title=f"Floor plan: {len(demonstrated)} demonstrated baskets, {len(throws)} thrown at",
     )
 
 
@@ -166,62 +139,67 @@ def _draw_misses(axes: Axes, throws: Sequence[TrialResult], radius_cm: float) ->
     axes.axhline(0.0, color=LIGHT, linewidth=0.8)
     axes.axvline(0.0, color=LIGHT, linewidth=0.8)
     _draw_points(axes, seen, places, "relative")
-    _draw_middle(axes, seen, places, radius_cm)
     limit = 1.12 * max(radius_cm, np.abs(places).max(initial=0.0))
-    axes.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal")
-    axes.set_xlabel("across the throw, + to the right [cm]")
-    axes.set_ylabel("along the throw, + too far [cm]")
-    axes.set_title(
-        f"Landings about the middle, radius of the rim {radius_cm:g} cm\n{throws_in_a_line(throws)}"
+    axes.set(
+        xlim=(-limit, limit),
+        ylim=(-limit, limit),
+        aspect="equal",
+        xlabel="across the throw, + to the right [cm]",
+        ylabel="along the throw, + too far [cm]",
+        title=(
+            f"Landings about the middle, radius of the rim {radius_cm:g} cm\n"
+            f"{throws_in_a_line(throws)}"
+        ),
     )
-
-
-def _draw_middle(
-    axes: Axes, seen: Sequence[TrialResult], places: np.ndarray, radius_cm: float
-) -> None:
-    """Most landings again, larger, where they are a blob: within a quarter of the rim; places (n,
-    2) [cm].
-    """
     if len(places) < 3:
         return
     half = float(np.ceil(1.3 * np.quantile(np.abs(places).max(axis=1), 0.9)))
-    if half > radius_cm / 4.0:
-        return
-    # its title ends below that of the panel
-    inset = zoomed_inset(axes, half, (0.66, 0.61, 0.32, 0.32))
-    inset.axhline(0.0, color=LIGHT, linewidth=0.8)
-    inset.axvline(0.0, color=LIGHT, linewidth=0.8)
-    _draw_points(inset, seen, places, "middle")
+    if half <= radius_cm / 4.0:  # most landings again, larger, where they are a blob
+        # its title ends below that of the panel
+        inset = zoomed_inset(axes, half, (0.66, 0.61, 0.32, 0.32))
+        inset.axhline(0.0, color=LIGHT, linewidth=0.8)
+        inset.axvline(0.0, color=LIGHT, linewidth=0.8)
+        _draw_points(inset, seen, places, "middle")
 
 
 def _draw_points(axes: Axes, throws: Sequence[TrialResult], places: np.ndarray, gid: str) -> None:
     """Landings at places (n, 2), by what became of the ball."""
     inside = np.array([throw.success for throw in throws], dtype=bool)
-    look: dict[str, Any] = {"linestyle": "none", "zorder": 3}
-    ring: dict[str, Any] = {"color": SUCCESS, "markerfacecolor": "white", "markersize": 4.0}
-    axes.plot(*places[inside].T, "o", label="landing, in", gid=f"{gid}_in", **ring, **look)
+    axes.plot(
+        *places[inside].T,
+        "o",
+        color=SUCCESS,
+        markerfacecolor="white",
+        markersize=4.0,
+        linestyle="none",
+        zorder=3,
+        label="landing, in",
+        gid=f"{gid}_in",
+    )
     axes.plot(
         *places[~inside].T,
         "X",
         color=FAILURE,
         markersize=6.5,
+        linestyle="none",
+        zorder=3,
         label="landing, out" if not inside.all() else None,
         gid=f"{gid}_out",
-        **look,
     )
 
 
 SIDE = 0.035
-"""A body is drawn as a square of this half edge [m], turned as it is."""
+"""Half the edge of the square that stands for a body [m]."""
 
 
-def draw_trials(
+@house_style()
+def trials_figure(
     trials: Sequence[TrialResult],
     skill: Skill,
     shown: Sequence[Demonstration],
-    folder: str | Path,
-) -> list[Path]:
-    """Write the figure.
+    narrow: bool = False,
+) -> Figure:
+    """The figure.
 
     Parameters
     ----------
@@ -229,26 +207,6 @@ def draw_trials(
         In order.
     shown
         What was learned from.
-
-    Returns
-    -------
-    list[Path]
-        The paths.
-    """
-    with house_style():
-        return save(trials_figure(trials, skill, shown), folder, "trials")
-
-
-def trials_figure(
-    trials: Sequence[TrialResult],
-    skill: Skill,
-    shown: Sequence[Demonstration],
-    narrow: bool = False,
-) -> Figure:
-    """The figure itself, as `draw_trials` writes it.
-
-    Parameters
-    ----------
     narrow
         Its panels stand one below the other.
 
@@ -259,37 +217,35 @@ def trials_figure(
     """
     if not shown and not trials:
         raise ValueError("no demonstrations and no trials: there is nothing to draw")
-    with house_style():
-        figure, (above, side, errors) = panels(
-            [(4.3, 4.6), (3.45, 3.6 if narrow else 4.6), (2.75, 2.4 if narrow else 4.6)], narrow
-        )
-        _draw_above(above, trials, skill, shown)
-        _draw_side(side, skill, shown)
-        _draw_errors(errors, trials)
-        letter_panels(above, side, errors)
-        handles, labels = above.get_legend_handles_labels()
-        legend_below(figure, handles, labels, len(labels), narrow)
-        return figure
-
-
-def _movements(
-    skill: Skill, shown: Sequence[Demonstration]
-) -> list[tuple[Demonstration, np.ndarray]]:
-    """Each demonstration with the positions of the hand (n, 3) between its first and its last
-    instant.
-    """
-    found = []
+    figure, (above, side, errors) = panels(
+        [(4.3, 4.6), (3.45, 3.6 if narrow else 4.6), (2.75, 2.4 if narrow else 4.6)], narrow
+    )
+    ways = []  # of the hand between the first and the last instant of each demonstration
     for one in shown:
         start, stop = skill.cut(one)
-        found.append((one, one.hand_position[(one.hand_time >= start) & (one.hand_time <= stop)]))
-    return found
+        ways.append(one.hand_position[(one.hand_time >= start) & (one.hand_time <= stop)])
+    _draw_above(above, trials, skill, shown, ways)
+    for hand in ways:
+        steps = np.linalg.norm(np.diff(hand[:, :2], axis=0), axis=1)
+        way = np.concatenate([[0.0], np.cumsum(steps)])
+        side.plot(way, hand[:, 2], color=DEMONSTRATION, linewidth=1.0)
+    side.set(title=f"Height of the {HAND}, shown", xlabel="way over the floor [m]", ylabel="z [m]")
+    _draw_errors(errors, trials)
+    letter_panels(above, side, errors)
+    handles, labels = above.get_legend_handles_labels()
+    legend_below(figure, handles, labels, len(labels), narrow)
+    return figure
 
 
 def _draw_above(
-    axes: Axes, trials: Sequence[TrialResult], skill: Skill, shown: Sequence[Demonstration]
+    axes: Axes,
+    trials: Sequence[TrialResult],
+    skill: Skill,
+    shown: Sequence[Demonstration],
+    ways: Sequence[np.ndarray],
 ) -> None:
     axes.plot(0.0, 0.0, "s", color=BLACK, markersize=8, label="arm", gid="arm")
-    for number, (one, hand) in enumerate(_movements(skill, shown)):
+    for number, (one, hand) in enumerate(zip(shown, ways, strict=True)):
         axes.plot(
             hand[:, 0],
             hand[:, 1],
@@ -304,10 +260,10 @@ def _draw_above(
             )
     labelled: set[str] = set()
     for number, trial in enumerate(trials, start=1):
-        done = trial.success
+        colour = SUCCESS if trial.success else FAILURE
         for role, pose in trial.situation.poses.items():
-            what = f"{role}, {'done' if done else 'failed'}"
-            _draw_body(axes, pose, SUCCESS if done else FAILURE, "" if what in labelled else what)
+            what = f"{role}, {'done' if trial.success else 'failed'}"
+            _draw_body(axes, pose, colour, "" if what in labelled else what)
             axes.text(
                 pose.position[0],
                 pose.position[1],
@@ -333,20 +289,11 @@ def _draw_body(axes: Axes, pose: Pose, colour: str, label: str, linestyle: str =
     )
 
 
-def _draw_side(axes: Axes, skill: Skill, shown: Sequence[Demonstration]) -> None:
-    for _, hand in _movements(skill, shown):
-        way = np.concatenate(
-            [[0.0], np.cumsum(np.linalg.norm(np.diff(hand[:, :2], axis=0), axis=1))]
-        )
-        axes.plot(way, hand[:, 2], color=DEMONSTRATION, linewidth=1.0)
-    axes.set(title=f"Height of the {HAND}, shown", xlabel="way over the floor [m]", ylabel="z [m]")
-
-
 def _draw_errors(axes: Axes, trials: Sequence[TrialResult]) -> None:
     for number, trial in enumerate(trials, start=1):
-        done = trial.success
         if trial.error_m is not None:
-            axes.bar(number, 1e3 * trial.error_m, color=SUCCESS if done else FAILURE, width=0.7)
+            colour = SUCCESS if trial.success else FAILURE
+            axes.bar(number, 1e3 * trial.error_m, color=colour, width=0.7)
         else:
             axes.text(number, 0.0, "?", ha="center", va="bottom", color=FAILURE)
     errors = [1e3 * trial.error_m for trial in trials if trial.error_m is not None]

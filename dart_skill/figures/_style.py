@@ -3,10 +3,10 @@ quantities, and files without a date.
 """
 
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import matplotlib
 import matplotlib.style
@@ -30,15 +30,15 @@ BLUE, ORANGE, SKY, GREEN, VERMILION, PURPLE = map(
     (palette.BLUE, palette.ORANGE, palette.SKY, palette.GREEN, palette.VERMILION, palette.PURPLE),
 )
 """For what has no meaning of its own, such as methods that are compared."""
-BASKET, BALL, HAND, PLANNED = map(
-    hexadecimal, (palette.BASKET, palette.BALL, palette.HAND, palette.PLANNED)
-)
-ATTRACTOR, DEMONSTRATION, RELEASE = map(
-    hexadecimal, (palette.ATTRACTOR, palette.DEMONSTRATION, palette.RELEASE)
-)
-GAUSSIAN, SUCCESS, FAILURE = map(hexadecimal, (palette.GAUSSIAN, palette.SUCCESS, palette.FAILURE))
-"""For things."""
+BASKET, BALL, HAND, PLANNED, ATTRACTOR, DEMONSTRATION, RELEASE, GAUSSIAN, SUCCESS, FAILURE = (
+    hexadecimal(getattr(palette, name))
+    for name in (
+        "BASKET", "BALL", "HAND", "PLANNED", "ATTRACTOR", "DEMONSTRATION", "RELEASE", "GAUSSIAN", "SUCCESS", "FAILURE",
+    )
+)  # fmt: skip
+"""For things, as `palette` explains them."""
 PNG_DPI = 150
+"""Resolution of pictures without vectors [dots per inch]."""
 NARROW = 4.6
 """Width of a figure on a telephone [inches]: its letters are as large there as those of the text.
 """
@@ -57,7 +57,7 @@ LOOK = {
 }
 
 _in_force = False
-"""Whether they are set already: to set them takes as long as a few panels."""
+"""Whether the settings are in force already: to set them takes as long as a few panels."""
 
 
 @contextmanager
@@ -96,11 +96,8 @@ def panels(
     """
     widths, heights = zip(*sizes, strict=True)
     if narrow:
-        heights = (
-            tuple(height * min(1.0, NARROW / width) for width, height in sizes)
-            if len(sizes) > 1
-            else heights
-        )
+        if len(sizes) > 1:
+            heights = tuple(height * min(1.0, NARROW / width) for width, height in sizes)
         figure = Figure(figsize=(NARROW, sum(heights) + 0.6), layout=FixedMargins(len(sizes), 1))
         axes = figure.subplots(len(sizes), 1, squeeze=False, height_ratios=heights)
     else:
@@ -145,14 +142,10 @@ def colour_bar(figure: Figure, shades: ScalarMappable, label: str, narrow: bool)
     layout = figure.get_layout_engine()
     assert isinstance(layout, FixedMargins)  # as `panels` makes it
     layout.bar = figure.add_axes((0.0, 0.0, 0.1, 0.1))
-    side: Literal["right", "top"] = "top" if narrow else "right"
-    figure.colorbar(
-        shades,
-        cax=layout.bar,
-        label=label,
-        orientation="horizontal" if narrow else "vertical",
-        ticklocation=side,
-    )
+    how: dict[str, Any] = {"orientation": "vertical", "ticklocation": "right"}
+    if narrow:
+        how = {"orientation": "horizontal", "ticklocation": "top"}
+    figure.colorbar(shades, cax=layout.bar, label=label, **how)
 
 
 def save(figure: Figure, folder: str | Path, name: str, drawn: str = "") -> list[Path]:
@@ -193,22 +186,14 @@ def _settle(figure: Figure) -> None:
         axes.get_aspect() != "auto" for axes in figure.axes
     ):
         engine.execute(figure)  # for their titles one pass may not find room
-    positions = _positions(figure)
+    # in fractions of the figure, to less than a pixel
+    bounds = [np.round(axes.get_position(original=True).bounds, 5) for axes in figure.axes]
     # "none" would leave a placeholder, for which every file is drawn twice
     figure.set_layout_engine(None)
-    for axes, position in zip(figure.axes, positions, strict=True):
+    for axes, position in zip(figure.axes, bounds, strict=True):
         axes.set_position(position)
         if axes.get_aspect() != "auto":
             axes.set_adjustable("box")  # limits follow the box to half a percent only
-
-
-def _positions(figure: Figure) -> np.ndarray:
-    """Left, bottom, width and height of all axes (n, 4) in fractions of the figure, to less than a
-    pixel.
-    """
-    return np.array(
-        [np.round(axes.get_position(original=True).bounds, 5) for axes in figure.axes]
-    ).reshape(-1, 4)
 
 
 def svg_text(figure: Figure) -> str:
@@ -241,20 +226,12 @@ def basket_from_the_side(
     axes: Axes, along: float, rim: float, radius: float, depth: float
 ) -> None:
     """A basket to scale, seen from the side: walls, floor and a thick rim."""
-    box = Rectangle(
-        (along - radius, rim - depth),
-        2 * radius,
-        depth,
-        facecolor=BASKET,
-        alpha=0.15,
-        edgecolor="none",
-    )
-    axes.add_patch(box)
-    walls = ([along - radius] * 2 + [along + radius] * 2, [rim, rim - depth, rim - depth, rim])
+    left, right, floor = along - radius, along + radius, rim - depth
+    look: dict[str, Any] = {"facecolor": BASKET, "alpha": 0.15, "edgecolor": "none"}
+    axes.add_patch(Rectangle((left, floor), 2 * radius, depth, **look))
+    walls = ([left, left, right, right], [rim, floor, floor, rim])
     axes.plot(*walls, color=BASKET, linewidth=1.2, gid="basket")
-    axes.plot(
-        [along - radius, along + radius], [rim, rim], color=BASKET, linewidth=2.2, label="basket"
-    )
+    axes.plot([left, right], [rim, rim], color=BASKET, linewidth=2.2, label="basket")
 
 
 def gaussian_ellipse(
@@ -270,6 +247,29 @@ def gaussian_ellipse(
     """
     (width, height), angle = ellipse_axes(covariance, deviations)
     return Ellipse((mean[0], mean[1]), width, height, angle=float(angle), **look)
+
+
+def add_gaussians(
+    axes: Axes,
+    means: Iterable[np.ndarray],
+    covariances: Iterable[np.ndarray],
+    deviations: float,
+    **look: Any,
+) -> list[Ellipse]:
+    """Draw the contours of planar Gaussians, means (K, 2) and covariances (K, 2, 2).
+
+    Parameters
+    ----------
+    deviations, look
+        As of `gaussian_ellipse`.
+    """
+    ellipses = [
+        gaussian_ellipse(mean, covariance, deviations, **look)
+        for mean, covariance in zip(means, covariances, strict=True)
+    ]
+    for ellipse in ellipses:
+        axes.add_patch(ellipse)
+    return ellipses
 
 
 def ellipse_axes(covariance: np.ndarray, deviations: float) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,6 @@ the world to the next.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,9 +29,7 @@ from dart_skill.figures._style import (
     letter_panels,
     panels,
     quantity_colours,
-    save,
 )
-from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import Demonstration
 from dart_skill.skills.observation import THRESHOLDS, fit_release
 
@@ -115,18 +112,9 @@ class DemonstratedMotion:
     release: float
     motion_stop: float
 
-    def __post_init__(self) -> None:
-        if np.shape(self.time) != np.shape(self.speed) or len(self.time) < 2:
-            raise ValueError(
-                f"{self.name}: time {np.shape(self.time)} and speed {np.shape(self.speed)} must"
-                " both be (n,), n >= 2"
-            )
-
 
 def demonstrated_motions(
-    recordings: Sequence[HandRecording],
-    demonstrations: Sequence[Demonstration],
-    thresholds: VelocityThreshold = THRESHOLDS,
+    recordings: Sequence[HandRecording], demonstrations: Sequence[Demonstration]
 ) -> list[DemonstratedMotion]:
     """The motion of each demonstration in the recording that it was cut from.
 
@@ -135,47 +123,21 @@ def demonstrated_motions(
     ValueError
         Names one that no recording holds.
     """
-    return [
-        _motion(_recording_of(recordings, demonstration), demonstration, thresholds)
-        for demonstration in demonstrations
-    ]
+    return [_motion(recordings, demonstration) for demonstration in demonstrations]
 
 
-def draw_synchronisation(
-    motions: Sequence[DemonstratedMotion],
-    folder: str | Path,
-    thresholds: VelocityThreshold = THRESHOLDS,
-    name: str = "synchronisation",
-) -> list[Path]:
-    """Write the figure under a name.
+@house_style()
+def synchronisation_figure(
+    motions: Sequence[DemonstratedMotion], narrow: bool = False
+) -> Figure:
+    """The figure.
 
     Parameters
     ----------
     motions
         Of the demonstrations.
-
-    Returns
-    -------
-    list[pathlib.Path]
-        The paths.
-    """
-    with house_style():
-        return save(synchronisation_figure(motions, thresholds=thresholds), folder, name)
-
-
-def synchronisation_figure(
-    motions: Sequence[DemonstratedMotion],
-    narrow: bool = False,
-    thresholds: VelocityThreshold = THRESHOLDS,
-) -> Figure:
-    """The figure itself, as `draw_synchronisation` writes it.
-
-    Parameters
-    ----------
     narrow
         Its panels stand one below the other.
-    motions
-        Of the demonstrations.
 
     Raises
     ------
@@ -188,56 +150,46 @@ def synchronisation_figure(
     shades = ScalarMappable(
         Normalize(min(distances) - 1e-6, max(distances) + 1e-6), quantity_colours()
     )
-    with house_style():
-        figure, (before, after) = panels([(5.25, 4.4), (5.25, 4.4)], narrow, sharey=True)
-        for number, motion in enumerate(motions, start=1):
-            colour = shades.to_rgba(np.asarray(motion.distance))
-            kept = (motion.time >= motion.first) & (motion.time <= motion.last)
-            _curve(before, motion, np.ones(len(kept), dtype=bool), 0.0, f"before_{number}", colour)
-            _curve(after, motion, kept, motion.release, f"after_{number}", colour)
-        _describe(before, motions, thresholds, False)
-        _describe(after, motions, thresholds, True)
-        for axes in (before, after) if narrow else (before,):
-            axes.set_ylabel("speed of the hand [m/s]")
-        letter_panels(before, after)
-        colour_bar(figure, shades, "distance of the basket [m]", narrow)
-        handles, labels = before.get_legend_handles_labels()
-        legend_below(figure, handles, labels, len(labels), narrow)
-        return figure
+    figure, (before, after) = panels([(5.25, 4.4), (5.25, 4.4)], narrow, sharey=True)
+    for number, motion in enumerate(motions, start=1):
+        colour = shades.to_rgba(np.asarray(motion.distance))
+        kept = (motion.time >= motion.first) & (motion.time <= motion.last)
+        _curve(before, motion, np.ones(len(kept), dtype=bool), 0.0, f"before_{number}", colour)
+        _curve(after, motion, kept, motion.release, f"after_{number}", colour)
+    _describe(before, motions, False)
+    _describe(after, motions, True)
+    for axes in (before, after) if narrow else (before,):
+        axes.set_ylabel("speed of the hand [m/s]")
+    letter_panels(before, after)
+    colour_bar(figure, shades, "distance of the basket [m]", narrow)
+    handles, labels = before.get_legend_handles_labels()
+    legend_below(figure, handles, labels, len(labels), narrow)
+    return figure
 
 
-def _recording_of(
-    recordings: Sequence[HandRecording], demonstration: Demonstration
-) -> HandRecording:
-    for recording in recordings:
-        if recording.start_ns <= demonstration.stamp_ns <= recording.stop_ns:
-            return recording
-    raise ValueError(
-        f"demonstration {demonstration.id} starts at {demonstration.stamp_ns} ns, where the bag"
-        " holds no poses of the hand"
-    )
-
-
-def _motion(
-    recording: HandRecording, demonstration: Demonstration, thresholds: VelocityThreshold
-) -> DemonstratedMotion:
-    d = demonstration
+def _motion(recordings: Sequence[HandRecording], d: Demonstration) -> DemonstratedMotion:
+    own = (one for one in recordings if one.start_ns <= d.stamp_ns <= one.stop_ns)
+    recording = next(own, None)
+    if recording is None:
+        raise ValueError(
+            f"demonstration {d.id} starts at {d.stamp_ns} ns, where the bag holds no poses of the"
+            " hand"
+        )
     time = (recording.hand_stamps - recording.start_ns) * 1e-9
     origin = (d.stamp_ns - recording.start_ns) * 1e-9
-    ball_centre = wam_description().hand.ball_centre
     release = fit_release(
         d.moved.time,
         d.moved.position,
         d.hand_time,
         d.hand_position,
         d.hand_quaternion,
-        ball_centre,
+        wam_description().hand.ball_centre,
     )
     return DemonstratedMotion(
         name=d.id,
         distance=float(np.hypot(d.target[0], d.target[1])),
         time=time,
-        speed=thresholds.speeds(time, recording.hand_position),
+        speed=THRESHOLDS.speeds(time, recording.hand_position),
         first=origin + float(d.hand_time[0]),
         last=origin + float(d.hand_time[-1]),
         motion_start=origin + d.motion_start,
@@ -271,36 +223,34 @@ def _curve(
 
 
 def _describe(
-    axes: Axes, motions: Sequence[DemonstratedMotion], thresholds: VelocityThreshold, aligned: bool
+    axes: Axes, motions: Sequence[DemonstratedMotion], aligned: bool
 ) -> None:
     for marker, name in EVENTS.values():
         axes.plot([], [], marker, color="white", markeredgecolor=BLACK, markersize=5.5, label=name)
     axes.axhline(
-        thresholds.start,
+        THRESHOLDS.start,
         color=BLACK,
         linestyle="--",
         linewidth=1.0,
-        label=f"start threshold, {thresholds.start:g} m/s",
+        label=f"start threshold, {THRESHOLDS.start:g} m/s",
     )
     axes.axhline(
-        thresholds.stop,
+        THRESHOLDS.stop,
         color=GREY,
         linestyle=":",
         linewidth=1.3,
-        label=f"stop threshold, {thresholds.stop:g} m/s",
+        label=f"stop threshold, {THRESHOLDS.stop:g} m/s",
     )
     starts = np.array(
         [motion.motion_start - (motion.release if aligned else 0.0) for motion in motions]
     )
-    axes.set_title(
-        f"{'After' if aligned else 'Before'} synchronisation, n = {len(motions)}\nmotion starts at"
-        f" {_spread(starts)}"
+    spread = f" ± {starts.std(ddof=1):.3f} s (mean ± s.d.)" if len(starts) > 1 else " s"
+    mean = f"{starts.mean():.3f}".replace("-", "\N{MINUS SIGN}")
+    axes.set(
+        title=(
+            f"{'After' if aligned else 'Before'} synchronisation, n = {len(motions)}\n"
+            f"motion starts at {mean}{spread}"
+        ),
+        xlabel=f"time since the {'release' if aligned else 'start of the recording'} [s]",
+        ylim=(0.0, None),
     )
-    axes.set_xlabel(f"time since the {'release' if aligned else 'start of the recording'} [s]")
-    axes.set_ylim(bottom=0.0)
-
-
-def _spread(times: np.ndarray) -> str:
-    """Mean and, of two or more, standard deviation."""
-    spread = f" ± {times.std(ddof=1):.3f} s (mean ± s.d.)" if len(times) > 1 else " s"
-    return f"{times.mean():.3f}".replace("-", "\N{MINUS SIGN}") + spread

@@ -1,58 +1,61 @@
 """The figures of the thesis, computed anew: `dart-skill experiment figure NUMBER`.
 
-For a figure 5.2 a module has `TITLE_5_2` and `draw_5_2(folder, seed)`, which writes the figure and
-returns its paths and what was measured, by name; `describe_5_2`, where that reads better than
-JSON. The thesis prints few numbers of its experiments; where one had to be chosen, the module says
-so.
+The module of figure 5.2 has `draw_5_2(seed)`, which returns a matplotlib Figure and what was
+measured, by name; keyword arguments of it are options of the figure. `describe_5_2` says what was
+measured in words, where that reads better than JSON. The thesis prints few numbers of its
+experiments; where one had to be chosen, the module says so.
 """
+
+from __future__ import annotations
 
 import importlib
 import inspect
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FIGURES = {
-    "3.1": "chapter_3",
-    "3.2": "chapter_3",
-    "5.1": "exploration",
-    "5.2": "exploration",
-    "5.3": "exploration",
-    "5.4": "components",
-    "5.5": "components",
-    "6.1": "board",
-    "6.2": "board",
-    "6.3": "dart_searches",
-    "6.4": "resampling",
-    "6.5": "resampling",
-    "6.6": "board",
-    "7.1": "figure_7_1",
-    "7.4": "figure_7_4",
-    "8.1": "dart_figures",
-    "8.2": "dart_figures",
-    "8.3": "dart_figures",
-    "8.4.4": "figure_8_4_4",
-    "8.6": "ball_trajectories",
-    "8.7": "ball_angles",
-    "8.8": "nearest_baskets",
-    "8.9": "ball_trajectories",
-    "8.10": "ball_angles",
-    "8.11": "ball_trajectories",
-    "landscape": "landscape",
-    "regrets": "dart_searches",
-}
-"""Module of each figure, by its number."""
+    "3.1": ("chapter_3", "Gaussian mixture model and regression on planar data"),
+    "3.2": ("chapter_3", "Gestures recognised by the likelihood of the mixtures of demonstrated ones"),
+    "5.1": ("chapter_5", "One update of PoWER: samples, the best of them, new mean and covariance"),
+    "5.2": ("chapter_5", "Exploration noise, constant: the covariance becomes rounder"),
+    "5.3": ("chapter_5", "Exploration noise, proportional to the eigenvalues: the covariance keeps its shape"),
+    "5.4": ("chapter_5", "A Gaussian split in two, and merged again"),
+    "5.5": ("chapter_5", "Data spectroscopy finds the groups of weighted points"),
+    "6.1": ("chapter_6", "The dart board, and what its fields score"),
+    "6.2": ("dart_searches", "The mixture's search over the board while the thrower gets better"),
+    "6.3": ("dart_searches", "Number of Gaussians, and learning on against stopping half-way"),
+    "6.4": ("chapter_6", "Stochastic universal sampling"),
+    "6.5": ("chapter_6", "Average log-likelihood of resampled data tends to that of weighted data"),
+    "6.6": ("chapter_6", "The best aim over the thrower's standard deviation"),
+    "7.1": ("chapter_7", "A finger on a ball is held: a clock and a state as what drives it"),
+    "7.4": ("chapter_7", "Task-parameterised movement: two frames, and new places for them"),
+    "8.1": ("dart_throws", "Dart throws, demonstrated and reproduced"),
+    "8.2": ("dart_throws", "Dart throws get better with every attempt"),
+    "8.3": ("dart_throws", "The error of dart throws falls with experience"),
+    "8.4.4": ("figure_8_4_4", "Success of both models against the range of angles and of distances"),
+    "8.6": ("ball_figures", "Demonstrated throws of the ball, and the global model's at a new basket"),
+    "8.7": ("ball_figures", "Angles of the hand in all demonstrations, as two frames see them"),
+    "8.8": ("ball_figures", "The demonstrations nearest to a new basket"),
+    "8.9": ("ball_figures", "Local regression: chosen trajectories and the generated one"),
+    "8.10": ("ball_figures", "Angles of the hand in the chosen demonstrations, as two frames see them"),
+    "8.11": ("ball_figures", "Speed of the hand before and after synchronisation"),
+    "landscape": ("chapter_6", "A landscape modelled by a mixture that is told all of it"),
+    "regrets": ("dart_searches", "Regrets of all methods, thesis's schedule and the extended one"),
+}  # fmt: skip
+"""Module and title of each figure, by its number."""
 
 
 def titles() -> dict[str, str]:
     """Number and title of every figure that can be drawn."""
-    return {number: _member(number, "TITLE") for number in FIGURES}
+    return {number: title for number, (_, title) in FIGURES.items()}
 
 
-def draw(
-    number: str, folder: str | Path, seed: int = 0, **options: int
-) -> tuple[list[Path], dict]:
-    """Write a figure into a folder; its paths, and what was measured for it.
+def figure_of(number: str, seed: int = 0, **options: Any) -> tuple[Figure, dict]:
+    """A figure, and what was measured for it.
 
     Parameters
     ----------
@@ -64,11 +67,27 @@ def draw(
     ValueError
         If it has no such option.
     """
-    drawn = _member(number, "draw")
+    from dart_skill.figures import house_style
+
+    drawing = _member(number, "draw")
     for name in options:
-        if name not in inspect.signature(drawn).parameters:
+        if name not in inspect.signature(drawing).parameters:
             raise ValueError(f"figure {number} has no option '{name}': leave it out")
-    return drawn(folder, seed, **options)
+    with house_style():
+        return drawing(seed, **options)
+
+
+def draw(
+    number: str, folder: str | Path, seed: int = 0, **options: Any
+) -> tuple[list[Path], dict]:
+    """Write the figure of `figure_of` into a folder; its paths, and what was measured for it."""
+    from dart_skill.figures import save
+
+    if number == "regrets":
+        options["folder"] = Path(folder)
+    figure, measured = figure_of(number, seed, **options)
+    name = f"figure_{number.replace('.', '_')}" if number[0].isdigit() else number
+    return save(figure, folder, name), measured
 
 
 def describe(number: str, measured: dict) -> str:
@@ -79,5 +98,5 @@ def describe(number: str, measured: dict) -> str:
 def _member(number: str, what: str, *default: Any) -> Any:
     if number not in FIGURES:
         raise ValueError(f"there is no figure {number} here: choose one of {', '.join(FIGURES)}")
-    module = importlib.import_module(f"{__name__}.{FIGURES[number]}")
+    module = importlib.import_module(f"{__name__}.{FIGURES[number][0]}")
     return getattr(module, f"{what}_{number.replace('.', '_')}", *default)

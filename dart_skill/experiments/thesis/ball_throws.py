@@ -6,8 +6,8 @@ All figures of one seed share their lessons: the teacher throws once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,51 +27,34 @@ from dart_skill.skills.learning import (
     prepare,
 )
 
-N_DEMONSTRATIONS, N_NEW = 13, 10
-POSE_STEPS = 5
-"""Steps of the simulator between two poses of a recording: 100 Hz, as the cameras see."""
-
-
-@dataclass(frozen=True, eq=False)
-class TaughtThrows:
-    """Demonstrations that went in, and the whole recording that each was cut from: the hand as the
-    arm's own encoders have it.
-    """
-
-    demonstrations: tuple[Demonstration, ...]
-    recordings: tuple[HandRecording, ...]
+N_DEMONSTRATIONS = 13
+"""Number of lessons."""
+N_NEW = 10
+"""Number of baskets that were not demonstrated."""
 
 
 @lru_cache(maxsize=4)
-def lessons(seed: int) -> TaughtThrows:
+def lessons(seed: int) -> tuple[Trial, ...]:
     """One lesson at each of 13 baskets within 45 degrees and 1.5 to 2.5 m; those that went in."""
     session = Session(seed, keep_states=True)
     try:
-        trials = [
-            session.teach(target)[-1] for target in targets_for(seed, N_DEMONSTRATIONS, 0)[0]
-        ]
+        targets = targets_for(seed, N_DEMONSTRATIONS, 0)[0]
+        trials = [session.teach(target)[-1] for target in targets]
     finally:
         session.close()
-    kept = [trial for trial in trials if trial.outcome.in_basket]
-    return TaughtThrows(
-        tuple(trial.demonstration for trial in kept), tuple(_recording(trial) for trial in kept)
-    )
+    return tuple(trial for trial in trials if trial.outcome.in_basket)
 
 
-def _recording(trial: Trial) -> HandRecording:
-    d, states = trial.demonstration, trial.states[::POSE_STEPS]
+def recording_of(lesson: Trial) -> HandRecording:
+    """The whole recording that a demonstration was cut from: the hand at 100 Hz, as the cameras
+    see, where the arm's own encoders have it.
+    """
+    d, states = lesson.demonstration, lesson.states[::5]
     none = np.empty(0, dtype=np.int64)
     stamps = np.array([state.stamp_ns for state in states])
     hand = np.array([state.hand_position for state in states])
-    return HandRecording(
-        stamps,
-        hand,
-        none,
-        np.empty((0, 3)),
-        d.target,
-        none,
-        d.stamp_ns + round(d.opened * 1e9),
-    )
+    opened_ns = d.stamp_ns + round(d.opened * 1e9)
+    return HandRecording(stamps, hand, none, np.empty((0, 3)), d.target, none, opened_ns)
 
 
 @lru_cache(maxsize=8)
@@ -83,7 +66,7 @@ def skill(seed: int, name: str) -> ThrowingSkill:
 @lru_cache(maxsize=8)
 def prepared(seed: int, name: str) -> tuple[PreparedThrow, ...]:
     """The lessons as a configuration sees them."""
-    return tuple(prepare(one, configuration(name)) for one in lessons(seed).demonstrations)
+    return tuple(prepare(one.demonstration, configuration(name)) for one in lessons(seed))
 
 
 def new_baskets(seed: int) -> np.ndarray:
@@ -91,23 +74,26 @@ def new_baskets(seed: int) -> np.ndarray:
     return targets_for(seed, N_DEMONSTRATIONS, N_NEW)[1]
 
 
-def predicted_misses(seed: int, name: str) -> np.ndarray:
-    """Distance (n,) [m] from each new basket to where the plan itself expects the ball; nan
-    without a plan.
-    """
-    learned = skill(seed, name)
-    return np.array([_predicted_miss(learned, basket) for basket in new_baskets(seed)])
+def miss_of(plan: ThrowPlan) -> float:
+    """Distance from the basket to where the plan itself expects the ball [cm]."""
+    return 100 * float(np.linalg.norm((plan.predicted_landing - plan.target)[:2]))
 
 
-def _predicted_miss(learned: ThrowingSkill, basket: np.ndarray) -> float:
-    try:
-        return float(np.linalg.norm((learned.plan(basket).predicted_landing - basket)[:2]))
-    except ValueError:
-        return float("nan")
+def median_misses(seed: int, names: tuple[str, ...]) -> dict[str, float]:
+    """The median of `miss_of` over the new baskets for which there is a plan, of models by name."""
+    medians = {}
+    for name in names:
+        misses = []
+        for basket in new_baskets(seed):
+            try:
+                misses.append(miss_of(skill(seed, name).plan(basket)))
+            except ValueError:
+                continue
+        medians[name] = round(float(np.median(misses)), 1) if misses else float("nan")
+    return medians
 
 
-@dataclass(frozen=True, eq=False)
-class DrawnThrow:
+class DrawnThrow(NamedTuple):
     """A throw to draw: time (n,) [s], hand position (n, 3), quaternion (n, 4), the instant of the
     release, flight (m, 3), target (3,).
     """
@@ -133,58 +119,38 @@ class DrawnThrow:
         grid = np.arange(self.time[0], self.time[-1], 0.01)
         path = np.column_stack([np.interp(grid, self.time, column) for column in self.position.T])
         acceleration = smooth_derivatives(grid, path, noise=1e-4).acceleration
-        return float(
-            np.sqrt(np.mean(np.sum(np.gradient(acceleration, grid, axis=0) ** 2, axis=1)))
-        )
-
-
-def demonstrated(one: Demonstration, throw: PreparedThrow) -> DrawnThrow:
-    """A lesson as the cameras saw it, up to the plane of the rim."""
-    moving = (one.hand_time >= one.motion_start) & (one.hand_time <= one.motion_stop)
-    release = one.motion_start + throw.release_time - throw.start
-    flying = (one.moved.time >= release) & (one.moved.position[:, 2] >= one.target[2])
-    ball = one.moved.position[flying]
-    return DrawnThrow(
-        one.hand_time[moving],
-        one.hand_position[moving],
-        one.hand_quaternion[moving],
-        release,
-        ball,
-        one.target,
-    )
+        squares = np.sum(np.gradient(acceleration, grid, axis=0) ** 2, axis=1)
+        return float(np.sqrt(np.mean(squares)))
 
 
 def planned(plan: ThrowPlan) -> DrawnThrow:
     """A plan, and the flight that it expects."""
     path = plan.path
     arm = rotate(path.quaternion, wam_description().hand.ball_centre[None])
-    columns = np.hstack(
-        [path.position + arm, path.velocity[:, :3] + np.cross(path.velocity[:, 3:], arm)]
-    )
-    position, velocity = np.split(
-        np.array([np.interp(plan.release, path.time, column) for column in columns.T]), 2
-    )
+    turning = np.cross(path.velocity[:, 3:], arm)
+    columns = np.hstack([path.position + arm, path.velocity[:, :3] + turning])
+    at_release = np.array([np.interp(plan.release, path.time, column) for column in columns.T])
+    position, velocity = np.split(at_release, 2)
     times = np.linspace(0.0, float(landing(position, velocity, plan.target[2]).time), 61)
-    return DrawnThrow(
-        path.time,
-        path.position,
-        path.quaternion,
-        plan.release,
-        flight(position, velocity, times)[0],
-        plan.target,
-    )
+    ball = flight(position, velocity, times)[0]
+    return DrawnThrow(path.time, path.position, path.quaternion, plan.release, ball, plan.target)
 
 
 def all_demonstrated(seed: int, name: str) -> list[DrawnThrow]:
-    """All lessons."""
-    return [
-        demonstrated(*pair)
-        for pair in zip(lessons(seed).demonstrations, prepared(seed, name), strict=True)
-    ]
+    """All lessons as the cameras saw them, up to the plane of the rim."""
+    pairs = zip(lessons(seed), prepared(seed, name), strict=True)
+    return [_demonstrated(lesson.demonstration, throw) for lesson, throw in pairs]
 
 
-@dataclass(frozen=True, eq=False)
-class Angles:
+def _demonstrated(one: Demonstration, throw: PreparedThrow) -> DrawnThrow:
+    moving = (one.hand_time >= one.motion_start) & (one.hand_time <= one.motion_stop)
+    release = one.motion_start + throw.release_time - throw.start
+    flying = (one.moved.time >= release) & (one.moved.position[:, 2] >= one.target[2])
+    hand = (part[moving] for part in (one.hand_time, one.hand_position, one.hand_quaternion))
+    return DrawnThrow(*hand, release, one.moved.position[flying], one.target)
+
+
+class Angles(NamedTuple):
     """alpha and beta (n_throws, n_steps, 2) [rad] of several throws on one clock, time (n_steps,)
     [s] since the start of the motion.
 
@@ -228,26 +194,16 @@ FRAMES = {
 
 def angles_in(seed: int, frame: str, only: np.ndarray | None = None) -> Angles:
     """alpha and beta of the demonstrations, or of only those (n,), in one of FRAMES."""
-    if frame not in FRAMES:
-        raise ValueError(f"there is no frame '{frame}': choose one of {', '.join(FRAMES)}")
     throws = prepared(seed, "default" if frame == "turned" else "thesis")
     throws = throws if only is None else tuple(throws[k] for k in only)
     time = np.linspace(0.0, min(one.stop - one.start for one in throws), 91)
-    values = [
-        [np.interp(time, one.time - one.start, column) for column in _angles(one, frame).T]
-        for one in throws
-    ]
-    releases = [one.release_time - one.start for one in throws]
-    return Angles(
-        time,
-        np.transpose(values, (0, 2, 1)),
-        np.array(releases),
-        np.array([one.azimuth for one in throws]),
-    )
-
-
-def _angles(throw: PreparedThrow, frame: str) -> np.ndarray:
-    if frame != "frame_2":
-        return throw.motion[:, 3:5]
-    second = frames_for(throw.task, throw.motion[0, :3], configuration("thesis"))[1]
-    return second.to_frame(np.column_stack([throw.time, throw.motion]))[:, 4:6]
+    values = []
+    for one in throws:
+        angles = one.motion[:, 3:5]
+        if frame == "frame_2":
+            second = frames_for(one.task, one.motion[0, :3], configuration("thesis"))[1]
+            angles = second.to_frame(np.column_stack([one.time, one.motion]))[:, 4:6]
+        values.append([np.interp(time, one.time - one.start, column) for column in angles.T])
+    releases = np.array([one.release_time - one.start for one in throws])
+    azimuths = np.array([one.azimuth for one in throws])
+    return Angles(time, np.transpose(values, (0, 2, 1)), releases, azimuths)

@@ -11,11 +11,9 @@ place; new ones are recognised after more and more of them has been seen.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dart_skill.figures import (
@@ -26,258 +24,156 @@ from dart_skill.figures import (
     GREY,
     LIGHT,
     VERMILION,
-    gaussian_ellipse,
-    house_style,
+    add_gaussians,
     legend_below,
     letter_panels,
     plot_mixture,
-    save,
 )
 from dart_skill.mixture import GaussianMixture, Selection, regress, select_by_bic
 
-TITLE_3_1 = "Gaussian mixture model and regression on planar data"
-N_DEMONSTRATIONS_3_1, N_SAMPLES_3_1 = 6, 100
-CANDIDATES = range(1, 11)
+N_SHOWN = 6
+"""Number of demonstrations, of each gesture in section 3.2."""
 DEVIATIONS = 2.0
+"""Size of ellipses and bands [standard deviations]."""
 
 
-@dataclass(frozen=True, eq=False)
-class PlanarData:
-    """x1 (n_demonstrations, n) and x2 of the demonstrations.
-
-    Parameters
-    ----------
-    selection
-        Mixtures by BIC.
-    grid : (m,)
-    mean : (m,)
-    deviation : (m,)
-        Of x2.
-    """
-
-    x1: np.ndarray
-    x2: np.ndarray
-    selection: Selection
-    grid: np.ndarray
-    mean: np.ndarray
-    deviation: np.ndarray
-
-    @property
-    def mixture(self) -> GaussianMixture:
-        return self.selection.mixture
-
-
-def curve(x1: np.ndarray) -> np.ndarray:
-    """What all demonstrations have in common."""
-    return np.sin(2.0 * np.pi * x1) + 0.6 * x1
-
-
-def compute_3_1(seed: int = 0) -> PlanarData:
-    """Demonstrations that agree in the middle and at the ends less so, the mixture whose number of
-    components BIC chose, and its GMR.
+def planar_regression(
+    seed: int = 0, candidates: Sequence[int] = range(1, 11)
+) -> tuple[np.ndarray, np.ndarray, Selection, np.ndarray, np.ndarray, np.ndarray]:
+    """x1 and x2 (n_demonstrations, n) of demonstrations that agree in the middle and at the ends
+    less so; the mixture whose number of components BIC chose among the candidates; and its GMR:
+    grid (m,) of x1, mean (m,) and standard deviation (m,) of x2.
     """
     rng = np.random.default_rng(seed)
-    x1 = np.tile(np.linspace(0.0, 1.0, N_SAMPLES_3_1), (N_DEMONSTRATIONS_3_1, 1))
+    x1 = np.tile(np.linspace(0.0, 1.0, 100), (N_SHOWN, 1))
     # Each differs by an offset and a slope about the middle.
-    offset, slope = (
-        rng.normal(0.0, 0.05, (N_DEMONSTRATIONS_3_1, 1)),
-        rng.normal(0.0, 0.35, (N_DEMONSTRATIONS_3_1, 1)),
-    )
-    x2 = curve(x1) + offset + slope * (x1 - 0.5) + rng.normal(0.0, 0.02, x1.shape)
+    offset = rng.normal(0.0, 0.05, (N_SHOWN, 1))
+    slope = rng.normal(0.0, 0.35, (N_SHOWN, 1))
+    shared = np.sin(2.0 * np.pi * x1) + 0.6 * x1
+    x2 = shared + offset + slope * (x1 - 0.5) + rng.normal(0.0, 0.02, x1.shape)
     samples = np.column_stack([x1.ravel(), x2.ravel()])
-    selection = select_by_bic(samples, CANDIDATES, rng=rng, n_starts=5)
+    selection = select_by_bic(samples, candidates, rng=rng, n_starts=5)
     grid = np.linspace(0.0, 1.0, 201)
     mean, covariance = regress(selection.mixture, grid[:, None], [0], [1])
-    return PlanarData(x1, x2, selection, grid, mean[:, 0], np.sqrt(covariance[:, 0, 0]))
+    return x1, x2, selection, grid, mean[:, 0], np.sqrt(covariance[:, 0, 0])
 
 
-def draw_3_1(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
-    data = compute_3_1(seed)
-    with house_style():
-        figure = Figure(figsize=(10.5, 3.8), layout="constrained")
-        shown, fitted, retrieved = figure.subplots(1, 3, sharey=True)
-        _demonstrations(shown, data)
-        _demonstrations(fitted, data, LIGHTLY)
-        for number, (mean, covariance) in enumerate(
-            zip(data.mixture.means_, data.mixture.covariances_, strict=True), start=1
-        ):
-            look = {
-                "facecolor": GAUSSIAN,
-                "edgecolor": GAUSSIAN,
-                "alpha": 0.5,
-                "gid": f"component_{number}",
-            }
-            fitted.add_patch(gaussian_ellipse(mean, covariance, DEVIATIONS, **look))
-        fitted.plot(*data.mixture.means_.T, "o", color=BLACK, markersize=4)
-        band = DEVIATIONS * data.deviation
-        retrieved.fill_between(
-            data.grid, data.mean - band, data.mean + band, color=GAUSSIAN, alpha=0.35, linewidth=0
-        )
-        retrieved.plot(data.grid, data.mean, color=BLACK, gid="retrieved")
-        n = data.selection.best
-        shown.set_title(f"Demonstrations, n = {N_DEMONSTRATIONS_3_1}")
-        fitted.set_title(f"Mixture, K = {n} (lowest BIC of 1 to {CANDIDATES[-1]})")
-        retrieved.set_title("Regression of x2 on x1")
-        letter_panels(shown, fitted, retrieved)
-        for axes in (shown, fitted, retrieved):
-            axes.set_xlabel("x1 [1]")
-        shown.set_ylabel("x2 [1]")
-        spread = f"{DEVIATIONS:g} standard deviations"
-        names = [
-            "demonstration",
-            f"Gaussian, {spread}",
-            "its mean",
-            "regression, mean",
-            f"its {spread}",
-        ]
-        marks = [
-            shown.lines[0],
-            fitted.patches[0],
-            fitted.lines[-1],
-            retrieved.lines[0],
-            retrieved.collections[0],
-        ]
-        legend_below(figure, marks, names, columns=5)
-        return save(figure, folder, "figure_3_1"), measured_3_1(data)
-
-
-LIGHTLY = {"linewidth": 0.6, "alpha": 0.6}
-
-
-def measured_3_1(data: PlanarData) -> dict:
-    """Number of components, and how far the retrieved mean is from the mean of the demonstrations,
-    relative to its range.
+def draw_3_1(seed: int = 0, candidates: Sequence[int] = range(1, 11)) -> tuple[Figure, dict]:
+    """Measured: number of components, and how far the retrieved mean is from the mean of the
+    demonstrations, relative to its range.
     """
-    shared = data.x2.mean(0)
-    error = np.interp(data.x1[0], data.grid, data.mean) - shared
-    return {
-        "components": data.selection.best,
-        "rms_error_over_range": float(np.sqrt(np.mean(error**2)) / np.ptp(shared)),
+    x1, x2, selection, grid, mean, deviation = planar_regression(seed, candidates)
+    mixture = selection.mixture
+    figure = Figure(figsize=(10.5, 3.8), layout="constrained")
+    shown, fitted, retrieved = figure.subplots(1, 3, sharey=True)
+    shown.plot(x1.T, x2.T, color=GREY, linewidth=1.0)
+    fitted.plot(x1.T, x2.T, color=GREY, linewidth=0.6, alpha=0.6)
+    look = {"facecolor": GAUSSIAN, "edgecolor": GAUSSIAN, "alpha": 0.5}
+    add_gaussians(fitted, mixture.means_, mixture.covariances_, DEVIATIONS, **look)
+    fitted.plot(*mixture.means_.T, "o", color=BLACK, markersize=4)
+    band = DEVIATIONS * deviation
+    retrieved.fill_between(
+        grid, mean - band, mean + band, color=GAUSSIAN, alpha=0.35, linewidth=0
+    )
+    retrieved.plot(grid, mean, color=BLACK)
+    shown.set(title=f"Demonstrations, n = {N_SHOWN}", xlabel="x1 [1]", ylabel="x2 [1]")
+    chosen = f"Mixture, K = {selection.best} (lowest BIC of 1 to {candidates[-1]})"
+    fitted.set(title=chosen, xlabel="x1 [1]")
+    retrieved.set(title="Regression of x2 on x1", xlabel="x1 [1]")
+    letter_panels(shown, fitted, retrieved)
+    spread = f"{DEVIATIONS:g} standard deviations"
+    entries = {
+        "demonstration": shown.lines[0],
+        f"Gaussian, {spread}": fitted.patches[0],
+        "its mean": fitted.lines[-1],
+        "regression, mean": retrieved.lines[0],
+        f"its {spread}": retrieved.collections[0],
+    }
+    legend_below(figure, [*entries.values()], [*entries], columns=5)
+    error = np.interp(x1[0], grid, mean) - x2.mean(0)
+    return figure, {
+        "components": selection.best,
+        "rms_error_over_range": float(np.sqrt(np.mean(error**2)) / np.ptp(x2.mean(0))),
     }
 
 
-def _demonstrations(axes: Axes, data: PlanarData, look: dict | None = None) -> None:
-    for number, (x1, x2) in enumerate(zip(data.x1, data.x2, strict=True), start=1):
-        axes.plot(
-            x1, x2, color=GREY, **(look or {"linewidth": 1.0}), gid=f"demonstration_{number}"
-        )
-
-
-TITLE_3_2 = "Gestures recognised by the likelihood of the mixtures of demonstrated ones"
 GESTURES = {"arch": BLUE, "wave": VERMILION, "loop": GREEN}
-N_DEMONSTRATIONS_3_2, N_NEW, N_SAMPLES_3_2, N_COMPONENTS = 6, 100, 60, 6
+"""Colour of each gesture."""
+N_NEW = 100
+"""Number of new gestures of each kind."""
+N_SAMPLES = 60
+"""Number of samples of a gesture."""
 SEEN = np.arange(0.1, 1.01, 0.1)
 """Shares of a gesture after which it is recognised."""
-OFFSET, SCALE, NOISE = 0.06, 0.12, 0.02
-"""Standard deviations from gesture to gesture, and of a sample, in units of a gesture's width; of
-its size, relative.
-"""
-
-
-@dataclass(frozen=True, eq=False)
-class Recognition:
-    """demonstrations: of each gesture (N_DEMONSTRATIONS, n, 3), [t, x, y]; its mixture; counts
-    (shares, 3, 3): how many new gestures of each kind (rows) were taken for which (columns) after
-    each share of `SEEN`.
-    """
-
-    demonstrations: list[np.ndarray]
-    mixtures: list[GaussianMixture]
-    counts: np.ndarray
 
 
 def gestures(kind: str, n: int, rng: np.random.Generator) -> np.ndarray:
-    """(n, N_SAMPLES, 3) [t, x, y], each of another size, at another place, and with noise."""
-    t = np.linspace(0.0, 1.0, N_SAMPLES_3_2)
+    """(n, N_SAMPLES, 3) [t, x, y], each of another size, at another place, and with noise, in
+    units of a gesture's width.
+    """
+    t = np.linspace(0.0, 1.0, N_SAMPLES)
     up = np.sin(np.pi * t)
+    wave = np.where(t < 0.5, np.sin(2.0 * np.pi * t), 0.6 * np.sin(2.0 * np.pi * t))
+    back = t - 0.25 * np.sin(4.0 * np.pi * t) * (t > 0.25)
     shapes = {
         "arch": np.column_stack([t, up]),
-        "wave": np.column_stack(
-            [t, np.where(t < 0.5, np.sin(2.0 * np.pi * t), 0.6 * np.sin(2.0 * np.pi * t))]
-        ),
-        "loop": np.column_stack(
-            [
-                t - 0.25 * np.sin(4.0 * np.pi * t) * (t > 0.25),
-                up * (1.0 + 0.2 * np.sin(3.0 * np.pi * t)),
-            ]
-        ),
+        "wave": np.column_stack([t, wave]),
+        "loop": np.column_stack([back, up * (1.0 + 0.2 * np.sin(3.0 * np.pi * t))]),
     }
-    size = np.exp(rng.normal(0.0, SCALE, (n, 1, 1)))
-    moved = (
-        size * shapes[kind]
-        + rng.normal(0.0, OFFSET, (n, 1, 2))
-        + rng.normal(0.0, NOISE, (n, N_SAMPLES_3_2, 2))
-    )
-    return np.concatenate([np.broadcast_to(t[:, None], (n, N_SAMPLES_3_2, 1)), moved], axis=2)
+    size = np.exp(rng.normal(0.0, 0.12, (n, 1, 1)))
+    offset = rng.normal(0.0, 0.06, (n, 1, 2))
+    moved = size * shapes[kind] + offset + rng.normal(0.0, 0.02, (n, N_SAMPLES, 2))
+    return np.concatenate([np.broadcast_to(t[:, None], (n, N_SAMPLES, 1)), moved], axis=2)
 
 
-def compute_3_2(seed: int = 0) -> Recognition:
+def recognised(seed: int = 0) -> tuple[list[np.ndarray], list[GaussianMixture], np.ndarray]:
+    """Demonstrations (n, N_SAMPLES, 3) of each gesture, their mixtures, and counts (shares, 3, 3):
+    how many new gestures of each kind (rows) were taken for which (columns) after each share of
+    `SEEN`.
+    """
     rng = np.random.default_rng(seed)
-    shown = [gestures(kind, N_DEMONSTRATIONS_3_2, rng) for kind in GESTURES]
-    mixtures = [
-        GaussianMixture(N_COMPONENTS, n_starts=3).fit(one.reshape(-1, 3), rng=rng) for one in shown
-    ]
+    shown = [gestures(kind, N_SHOWN, rng) for kind in GESTURES]
+    mixtures = [GaussianMixture(6, n_starts=3).fit(one.reshape(-1, 3), rng=rng) for one in shown]
     counts = np.zeros((len(SEEN), len(GESTURES), len(GESTURES)), dtype=int)
     for row, kind in enumerate(GESTURES):
-        new = gestures(kind, N_NEW, rng)
-        densities = np.array(
-            [one.log_density(new.reshape(-1, 3)).reshape(N_NEW, N_SAMPLES_3_2) for one in mixtures]
-        )
+        new = gestures(kind, N_NEW, rng).reshape(-1, 3)
+        densities = np.array([one.log_density(new) for one in mixtures])
+        sums = np.cumsum(densities.reshape(-1, N_NEW, N_SAMPLES), axis=2)  # (3.1)
         for k, share in enumerate(SEEN):
-            likelihoods = densities[:, :, : round(share * N_SAMPLES_3_2)].sum(axis=2)  # (3.1)
-            counts[k, row] = np.bincount(likelihoods.argmax(axis=0), minlength=len(GESTURES))
-    return Recognition(shown, mixtures, counts)
+            taken_for = sums[:, :, round(share * N_SAMPLES) - 1].argmax(axis=0)
+            counts[k, row] = np.bincount(taken_for, minlength=len(GESTURES))
+    return shown, mixtures, counts
 
 
-def draw_3_2(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
-    found = compute_3_2(seed)
-    with house_style():
-        figure = Figure(figsize=(9.6, 4.4), layout="constrained")
-        places, shares = figure.subplots(1, 2, width_ratios=(1.0, 1.3))
-        for (kind, colour), shown, mixture in zip(
-            GESTURES.items(), found.demonstrations, found.mixtures, strict=True
-        ):
-            for one in shown:
-                places.plot(one[:, 1], one[:, 2], color=LIGHT, linewidth=0.7, zorder=1)
-            plot_mixture(places, mixture, dims=(1, 2), colour=colour, label=kind)
-        places.set(
-            xlabel="x",
-            ylabel="y",
-            aspect="equal",
-            title=f"{N_DEMONSTRATIONS_3_2} demonstrations each, mixtures, 2 s.d.",
-        )
-        places.legend(loc="lower left")
-        for row, (kind, colour) in enumerate(GESTURES.items()):
-            shares.plot(
-                100 * SEEN, 100 * found.counts[:, row, row] / N_NEW, ".-", color=colour, label=kind
-            )
-        shares.axhline(
-            100 / len(GESTURES), color=BLACK, linestyle=":", linewidth=1.0, label="by chance"
-        )
-        shares.set(
-            xlabel="seen of the gesture [%]",
-            ylabel="recognised [%]",
-            ylim=(0, 103),
-            title=f"{N_NEW} new gestures of each kind",
-        )
-        shares.legend(loc="lower right")
-        letter_panels(places, shares)
-        return save(figure, folder, "figure_3_2"), measured_3_2(found)
-
-
-def measured_3_2(found: Recognition) -> dict:
-    """Share of new gestures that are recognised after a tenth, a half and all of them [%], and
-    what the whole ones were taken for.
+def draw_3_2(seed: int = 0) -> tuple[Figure, dict]:
+    """Measured: share of new gestures that are recognised after a tenth, a half and all of them
+    [%], and what the whole ones were taken for.
     """
-    right = 100.0 * np.einsum("kii->k", found.counts) / found.counts[0].sum()
-    return {
+    demonstrations, mixtures, counts = recognised(seed)
+    figure = Figure(figsize=(9.6, 4.4), layout="constrained")
+    places, shares = figure.subplots(1, 2, width_ratios=(1.0, 1.3))
+    for row, (kind, colour) in enumerate(GESTURES.items()):
+        for one in demonstrations[row]:
+            places.plot(one[:, 1], one[:, 2], color=LIGHT, linewidth=0.7, zorder=1)
+        plot_mixture(places, mixtures[row], dims=(1, 2), colour=colour, label=kind)
+        share = 100 * counts[:, row, row] / N_NEW
+        shares.plot(100 * SEEN, share, ".-", color=colour, label=kind)
+    title = f"{N_SHOWN} demonstrations each, mixtures, 2 s.d."
+    places.set(xlabel="x", ylabel="y", aspect="equal", title=title)
+    places.legend(loc="lower left")
+    by_chance = 100 / len(GESTURES)
+    shares.axhline(by_chance, color=BLACK, linestyle=":", linewidth=1.0, label="by chance")
+    shares.set(xlabel="seen of the gesture [%]", ylabel="recognised [%]", ylim=(0, 103))
+    shares.set_title(f"{N_NEW} new gestures of each kind")
+    shares.legend(loc="lower right")
+    letter_panels(places, shares)
+    right = 100.0 * np.einsum("kii->k", counts) / counts[0].sum()
+    return figure, {
         "recognised_percent": {
-            f"{100 * share:.0f} % seen": round(float(right[k]), 1)
-            for k, share in enumerate(SEEN)
-            if k in (0, 4, 9)
+            f"{100 * SEEN[k]:.0f} % seen": round(float(right[k]), 1) for k in (0, 4, 9)
         },
         "taken_for": {
-            kind: dict(zip(GESTURES, found.counts[-1, row].tolist(), strict=True))
-            for row, kind in enumerate(GESTURES)
+            kind: dict(zip(GESTURES, row.tolist(), strict=True))
+            for kind, row in zip(GESTURES, counts[-1], strict=True)
         },
     }

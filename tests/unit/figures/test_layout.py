@@ -6,8 +6,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
-from dart_skill.figures import house_style, legend_below, letter_panels, panels
-from dart_skill.figures._style import colour_bar
+from dart_skill.figures import colour_bar, house_style, legend_below, letter_panels, panels
 
 SLACK = 2.0
 """Points by which a text may differ from what its font says: matplotlib measures it in whole

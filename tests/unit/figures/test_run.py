@@ -12,15 +12,17 @@ import pytest
 
 from dart_skill.figures import (
     HandRecording,
+    along_across,
     demonstrated_motions,
-    draw_execution,
-    draw_gaussians,
-    draw_landings,
-    draw_synchronisation,
     executed_throw,
+    execution_figure,
     frame_views,
+    gaussians_figure,
+    landings_figure,
+    save,
+    svg_text,
+    synchronisation_figure,
 )
-from dart_skill.figures._landings import along_across
 from dart_skill.session import TrialResult
 from dart_skill.skills.learning import configuration, learn_throwing
 
@@ -29,12 +31,14 @@ MS = 1_000_000
 
 
 class Drawing:
-    """A written SVG, by what can be asked of it."""
+    """A figure as SVG, by what can be asked of it."""
 
-    def __init__(self, path):
-        self.root = ElementTree.parse(path).getroot()
+    def __init__(self, figure):
+        self.text = svg_text(figure)
+        self.root = ElementTree.fromstring(self.text)
         self.texts = ["".join(element.itertext()) for element in self.root.iter(f"{SVG}text")]
         self.ids = [element.get("id") for element in self.root.iter() if element.get("id")]
+        assert len(set(self.ids)) == len(self.ids), "every id once"
 
     def points(self, gid):
         """Number of markers of a series."""
@@ -75,23 +79,18 @@ class Drawing:
         return next(element for element in self.root.iter(f"{SVG}g") if element.get("id") == gid)
 
 
-def drawn(paths):
-    """The SVG among written paths, after checks that hold for every figure."""
-    assert [path.suffix for path in paths] == [".svg", ".png"]
-    assert paths[1].read_bytes().startswith(b"\x89PNG"), "a PNG"
-    drawing = Drawing(paths[0])
-    assert len(set(drawing.ids)) == len(drawing.ids), "every id once"
-    return drawing
+def twice(draw):
+    """Draws twice; both must be equal byte for byte."""
+    first, second = Drawing(draw()), Drawing(draw())
+    assert first.text == second.text
+    return first
 
 
-def twice(tmp_path, draw):
-    """Draws into two folders; the files must be equal byte for byte."""
-    first, second = draw(tmp_path / "first"), draw(tmp_path / "second")
-    for one, other in zip(first, second, strict=True):
-        assert one.read_bytes() == other.read_bytes(), (
-            f"{one.name} differs from one run to the next"
-        )
-    return drawn(first)
+def test_a_figure_is_written_as_svg_and_png(tmp_path):
+    paths = save(landings_figure(THROWS, DEMONSTRATED), tmp_path / "new", "landings")
+    assert [path.name for path in paths] == ["landings.svg", "landings.png"]
+    assert paths[0].read_text().startswith("<?xml")
+    assert paths[1].read_bytes().startswith(b"\x89PNG")
 
 
 # the taught throws, as the simulator saw them
@@ -154,8 +153,8 @@ def test_events_lie_on_the_clock_of_the_recording(motions, taught):
 
 
 @pytest.mark.slow
-def test_synchronisation_shows_every_demonstration_twice(tmp_path, motions):
-    drawing = twice(tmp_path, lambda folder: draw_synchronisation(motions, folder))
+def test_synchronisation_shows_every_demonstration_twice(motions):
+    drawing = twice(lambda: synchronisation_figure(motions))
     for when in ("before", "after"):
         assert drawing.count(rf"{when}_\d+_curve") == len(motions)
         assert sum(
@@ -171,8 +170,8 @@ def test_synchronisation_shows_every_demonstration_twice(tmp_path, motions):
         assert drawing.says(label), drawing.texts
 
 
-def test_releases_are_aligned_after_synchronisation_and_not_before(tmp_path, motions):
-    drawing = drawn(draw_synchronisation(motions, tmp_path))
+def test_releases_are_aligned_after_synchronisation_and_not_before(motions):
+    drawing = Drawing(synchronisation_figure(motions))
     before, after = (
         [drawing.marker(f"{when}_{k}_release")[0] for k in range(1, len(motions) + 1)]
         for when in ("before", "after")
@@ -180,14 +179,14 @@ def test_releases_are_aligned_after_synchronisation_and_not_before(tmp_path, mot
     assert np.ptp(after) < 1e-3 and np.ptp(before) > 10.0, f"points: {before} {after}"
 
 
-def test_one_demonstration_has_no_deviation(tmp_path, motions):
-    drawing = drawn(draw_synchronisation(motions[:1], tmp_path))
+def test_one_demonstration_has_no_deviation(motions):
+    drawing = Drawing(synchronisation_figure(motions[:1]))
     assert drawing.says("n = 1") and not drawing.says("±")
 
 
-def test_synchronisation_without_demonstrations_is_refused(tmp_path):
+def test_synchronisation_without_demonstrations_is_refused():
     with pytest.raises(ValueError, match="no demonstrations"):
-        draw_synchronisation([], tmp_path)
+        synchronisation_figure([])
 
 
 def test_a_demonstration_of_which_there_is_no_recording_is_named(recordings, demonstrations):
@@ -251,10 +250,10 @@ def test_without_the_distance_the_target_sees_the_components_for_the_median_task
 
 
 def test_gaussians_shows_every_component_and_every_demonstration_in_four_panels(
-    tmp_path, demonstrations, learned
+    demonstrations, learned
 ):
     skill = learned("default")
-    drawing = twice(tmp_path, lambda folder: draw_gaussians(skill, folder))
+    drawing = twice(lambda: gaussians_figure(skill))
     panels = [f"frame{frame}_{side}" for frame in (1, 2) for side in ("side", "above")]
     for panel in panels:
         assert (
@@ -276,8 +275,8 @@ def test_gaussians_shows_every_component_and_every_demonstration_in_four_panels(
 
 
 @pytest.mark.parametrize("name", ["thesis", "thesis_local", "weighted"])
-def test_gaussians_names_the_configuration(tmp_path, learned, name):
-    assert drawn(draw_gaussians(learned(name), tmp_path)).says(f"Configuration '{name}'")
+def test_gaussians_names_the_configuration(learned, name):
+    assert Drawing(gaussians_figure(learned(name))).says(f"Configuration '{name}'")
 
 
 # execution
@@ -325,9 +324,9 @@ def test_the_tracking_error_tells_late_from_beside(plan):
     assert late.tracking_error[k] == pytest.approx([-0.001 * speed, 0.0], abs=1e-4)
 
 
-def test_execution_shows_all_paths_and_states_the_error(tmp_path, plan):
+def test_execution_shows_all_paths_and_states_the_error(plan):
     throw = executed_throw([recording_of(plan, np.array([0.0, 0.005, 0.0]))], plan)
-    drawing = twice(tmp_path, lambda folder: draw_execution(throw, folder))
+    drawing = twice(lambda: execution_figure(throw))
     for gid in (
         "attractor",
         "planned",
@@ -352,21 +351,20 @@ def test_execution_shows_all_paths_and_states_the_error(tmp_path, plan):
         assert drawing.says(label), drawing.texts
 
 
-def test_the_basket_is_drawn_to_scale_from_the_side(tmp_path, plan):
-    drawing = drawn(
-        draw_execution(executed_throw([recording_of(plan, np.zeros(3))], plan), tmp_path)
-    )
+def test_the_basket_is_drawn_to_scale_from_the_side(plan):
+    throw = executed_throw([recording_of(plan, np.zeros(3))], plan)
+    drawing = Drawing(execution_figure(throw))
     _, size = drawing.box("basket")
     assert size[1] / size[0] == pytest.approx(0.35 / 0.30, rel=1e-3)
 
 
-def test_a_throw_whose_ball_nobody_saw_is_drawn_without_it(tmp_path, plan):
+def test_a_throw_whose_ball_nobody_saw_is_drawn_without_it(plan):
     recording = replace(
         recording_of(plan, np.zeros(3)),
         ball_stamps=np.empty(0, dtype=np.int64),
         ball_position=np.empty((0, 3)),
     )
-    drawing = drawn(draw_execution(executed_throw([recording], plan), tmp_path))
+    drawing = Drawing(execution_figure(executed_throw([recording], plan)))
     assert drawing.count("ball") == 0 and not drawing.says("ball, seen")
 
 
@@ -408,8 +406,8 @@ def test_a_landing_is_measured_along_and_across_its_throw():
     assert along_across(at(1.8, 70, 0.03, -0.02)) == pytest.approx([0.03, -0.02])
 
 
-def test_landings_shows_every_basket_and_every_landing_that_was_seen(tmp_path):
-    drawing = twice(tmp_path, lambda folder: draw_landings(THROWS, DEMONSTRATED, folder))
+def test_landings_shows_every_basket_and_every_landing_that_was_seen():
+    drawing = twice(lambda: landings_figure(THROWS, DEMONSTRATED))
     assert (drawing.count(r"demonstrated_\d+"), drawing.count(r"thrown_\d+")) == (3, 4)
     for panel in ("plan", "relative"):
         assert (drawing.points(f"{panel}_in"), drawing.points(f"{panel}_out")) == (
@@ -425,8 +423,8 @@ def test_landings_shows_every_basket_and_every_landing_that_was_seen(tmp_path):
         assert drawing.says(label), drawing.texts
 
 
-def test_baskets_are_drawn_to_scale(tmp_path):
-    drawing = drawn(draw_landings(THROWS, DEMONSTRATED, tmp_path))
+def test_baskets_are_drawn_to_scale():
+    drawing = Drawing(landings_figure(THROWS, DEMONSTRATED))
     arm = drawing.marker("arm")
     for gid, distance in (
         ("thrown_1", 1.7),
@@ -440,30 +438,28 @@ def test_baskets_are_drawn_to_scale(tmp_path):
         ), gid
 
 
-def test_a_landing_too_far_and_to_the_left_is_drawn_above_and_left_of_the_centre(tmp_path):
-    drawing = drawn(draw_landings([at(2.0, 50, 0.05, 0.10)], DEMONSTRATED, tmp_path))
+def test_a_landing_too_far_and_to_the_left_is_drawn_above_and_left_of_the_centre():
+    drawing = Drawing(landings_figure([at(2.0, 50, 0.05, 0.10)], DEMONSTRATED))
     centre, size = drawing.box("rim")
     place = (drawing.marker("relative_in") - centre) / size * 0.30
     assert place == pytest.approx([-0.10, -0.05], abs=1e-4), "in the SVG, y points down"
 
 
 @pytest.mark.parametrize("throws", [(), (UNSEEN,)], ids=["no throws", "nobody saw a landing"])
-def test_landings_without_a_landing_still_shows_the_baskets(tmp_path, throws):
-    drawing = drawn(draw_landings(throws, DEMONSTRATED, tmp_path))
+def test_landings_without_a_landing_still_shows_the_baskets(throws):
+    drawing = Drawing(landings_figure(throws, DEMONSTRATED))
     assert drawing.count(r"demonstrated_\d+") == 3 and drawing.count(r"thrown_\d+") == len(throws)
     assert drawing.says("landing seen 0/1" if throws else "no throws")
 
 
-def test_landings_of_nothing_are_refused(tmp_path):
+def test_landings_of_nothing_are_refused():
     with pytest.raises(ValueError, match="nothing to draw"):
-        draw_landings((), np.empty((0, 3)), tmp_path)
-    with pytest.raises(ValueError, match="not finite"):
-        draw_landings(THROWS, np.full((2, 3), np.nan), tmp_path)
+        landings_figure((), np.empty((0, 3)))
 
 
-def test_figures_leave_the_settings_of_matplotlib_alone(tmp_path):
+def test_figures_leave_the_settings_of_matplotlib_alone():
     import matplotlib
 
     before = dict(matplotlib.rcParams)
-    draw_landings(THROWS, DEMONSTRATED, tmp_path)
+    landings_figure(THROWS, DEMONSTRATED)
     assert dict(matplotlib.rcParams) == before

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dart_skill.common.situation import Situation
-from dart_skill.figures import draw_trials, svg_text, trials_figure
+from dart_skill.figures import svg_text, trials_figure
 from dart_skill.session import TrialResult
 from dart_skill.skills.protocol import Skill, TaskOutcome
 from tests.unit.skills.task_demonstrations import body_at, draw_body, show
@@ -40,7 +40,7 @@ TRIED = trials(
 )
 
 
-def test_every_trial_is_numbered_at_its_place_and_as_high_as_its_error(tmp_path):
+def test_every_trial_is_numbered_at_its_place_and_as_high_as_its_error():
     figure = trials_figure(TRIED, Put(), shown())
     above, _, errors = figure.axes
     places = {text.get_text(): text.get_position() for text in above.texts}
@@ -55,10 +55,6 @@ def test_every_trial_is_numbered_at_its_place_and_as_high_as_its_error(tmp_path)
     ] == ["?"]
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
     assert legend == ["arm", "hand, shown", "pot, shown", "pot, done", "pot, failed"]
-    assert [path.name for path in draw_trials(TRIED, Put(), shown(), tmp_path)] == [
-        "trials.svg",
-        "trials.png",
-    ]
 
 
 def test_the_same_run_gives_the_same_bytes():
