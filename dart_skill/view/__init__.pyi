@@ -9,9 +9,11 @@ from dart_skill.view._panel import Knob as Knob
 from dart_skill.view._panel import NodeStatus as NodeStatus
 from dart_skill.view._panel import Panel as Panel
 from dart_skill.view._panel import Request as Request
+from dart_skill.view._panel import legend as legend
 from dart_skill.view._scene import Scene as Scene
 from dart_skill.view._scene_camera import SceneCamera as SceneCamera
 from dart_skill.view._server import ViewUnavailable as ViewUnavailable
+from dart_skill.view._server import is_own_page as is_own_page
 from dart_skill.view._server import new_token as new_token
 from dart_skill.view._server import open_server as open_server
 from dart_skill.view._server import url_of as url_of

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from dart_skill.common import palette
-from dart_skill.view._placing import on_plane
-from dart_skill.view._shapes import sphere
-from dart_skill.view._solids import ColouredMesh
+from dart_skill.view.geometry import on_plane
+from dart_skill.view.shapes import ColouredMesh, sphere
 
 RADIUS = 0.055
 """Radius of the ball that is dragged [m]: larger than the hand, so that the mouse meets it."""
@@ -42,11 +41,10 @@ class HeldHand:
     def __init__(self, server: Any, parts: list[ColouredMesh]):
         self._server, self._grip, self._hand = server, np.zeros(3), np.zeros(3)
         scene, ball = server.scene, sphere(RADIUS)
-        vertices, faces = ball.vertices.astype(np.float32), ball.faces.astype(np.uint32)
         self._ball = scene.add_mesh_simple(
             "/pointer",
-            vertices,
-            faces,
+            ball.vertices.astype(np.float32),
+            ball.faces.astype(np.uint32),
             color=palette.ATTRACTOR,
             opacity=0.45,
             visible=False,
@@ -69,14 +67,10 @@ class HeldHand:
         }
         self._goal = scene.add_frame("/goal", show_axes=False, visible=False)
         for number, part in enumerate(parts):
-            vertices, faces = (
-                part.mesh.vertices.astype(np.float32),
-                part.mesh.faces.astype(np.uint32),
-            )
             scene.add_mesh_simple(
                 f"/goal/{number}",
-                vertices,
-                faces,
+                part.mesh.vertices.astype(np.float32),
+                part.mesh.faces.astype(np.uint32),
                 color=palette.GREEN,
                 wireframe=True,
                 cast_shadow=False,

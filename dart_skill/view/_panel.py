@@ -28,10 +28,10 @@ LONGEST_CURVE = 2000
 """Throws that the learning curve holds."""
 WHOLE_STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500)
 """Between marks of the axis that counts throws."""
-MOST_LESSONS, MOST_THROWS = 30, 50
-"""Demonstrations, and own throws, that one click asks for; a page may say anything, so what it
-says is cut there.
-"""
+MOST_LESSONS = 30
+"""Largest number of demonstrations that one click asks for; the page may send any number."""
+MOST_THROWS = 50
+"""Largest number of own throws that one click asks for."""
 
 
 @dataclass(frozen=True)
@@ -274,7 +274,17 @@ class Panel:
                 "Model", names, initial_value=DEFAULT.name, hint="configuration of the skill, see docs/throwing.md",
                 visible=bool(self._skill.configurations),
             )  # fmt: skip
-            learn = self._button("Learn", self._learn)
+            learn = self._button(
+                "Learn",
+                lambda: Request(
+                    "learn",
+                    {
+                        "configuration": self._configuration.value
+                        if self._skill.configurations
+                        else ""
+                    },
+                ),
+            )
         self._starting = [teach, learn]
 
     def _add_holding(self) -> None:
@@ -283,12 +293,6 @@ class Panel:
                 self._gui, lambda what, values: self._ask(Request(what, values))
             )
             self._starting.append(self.holding.take_button)
-
-    def _learn(self) -> Request:
-        return Request(
-            "learn",
-            {"configuration": self._configuration.value if bool(self._skill.configurations) else ""},
-        )
 
     def _add_throwing(self) -> None:
         words = self._words
@@ -303,17 +307,17 @@ class Panel:
                 hint="practise at the basket that is there, else where throws are worst",
                 visible=self._has_basket,
             )
-            practise = self._button("Practise", self._practice)
+            practise = self._button(
+                "Practise",
+                lambda: Request(
+                    "practice",
+                    {
+                        "throws": _count(self._throws.value, MOST_THROWS),
+                        "follow_basket": bool(self._follow.value),
+                    },
+                ),
+            )
         self._starting += [throw, practise]
-
-    def _practice(self) -> Request:
-        return Request(
-            "practice",
-            {
-                "throws": _count(self._throws.value, MOST_THROWS),
-                "follow_basket": bool(self._follow.value),
-            },
-        )
 
     def _button(
         self,

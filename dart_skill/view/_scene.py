@@ -22,20 +22,27 @@ from dart_skill.simulation import Basket
 from dart_skill.skills.protocol import Skill
 from dart_skill.view._held_hand import HeldHand
 from dart_skill.view._page_style import SCENE_SHARE
-from dart_skill.view._placing import nearest_in, on_plane, outline
-from dart_skill.view._shapes import Mesh, bucket, capsule, circle, joined, pyramid, sphere
-from dart_skill.view._solids import parts_of
-from dart_skill.view._trail import Trail, segments
+from dart_skill.view.geometry import Trail, nearest_in, on_plane, outline, segments
+from dart_skill.view.shapes import (
+    Mesh,
+    bucket,
+    capsule,
+    circle,
+    joined,
+    parts_of,
+    pyramid,
+    sphere,
+)
 
 if TYPE_CHECKING:
     from dart_skill.simulation import Camera
 
-EYE, LOOK_AT, FIELD_OF_VIEW = (
-    np.array([1.9, -5.4, 2.5]),
-    np.array([1.9, 0.0, 1.1]),
-    float(np.deg2rad(50.0)),
-)
-"""Where the page looks from and to at first [m], and its vertical angle [rad]."""
+EYE = np.array([1.9, -5.4, 2.5])
+"""Position from which the page looks at first [m]."""
+LOOK_AT = np.array([1.9, 0.0, 1.1])
+"""Point to which the page looks at first [m]."""
+FIELD_OF_VIEW = float(np.deg2rad(50.0))
+"""Vertical angle of view of the page [rad]."""
 FITS = 1.3
 """What is seen at first fits into a window of this width divided by its height."""
 TELEPHONE = 0.6
@@ -141,14 +148,9 @@ class Scene:
 
     def move_hand(self, position: np.ndarray, quaternion: np.ndarray) -> None:
         """The hand as it is tracked: position (3,) and quaternion (4,)."""
-        position = _array("hand", position, 3)
-        wxyz = _wxyz(
-            check_unit_quaternions("hand", np.asarray(quaternion, dtype=float)[None], 1)[0]
-        )
-        if _place(self._hand, position) or np.abs(wxyz - self._hand.wxyz).max() > STILL_TURN:
-            self._hand.wxyz = wxyz
+        _set_pose("hand", self._hand, position, quaternion)
         if self.held_hand is not None:
-            self.held_hand.follow(position)
+            self.held_hand.follow(np.asarray(position, dtype=float))
 
     def move_body(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
         """A body of the skill as it is tracked: position (3,) and quaternion (4,).
@@ -163,10 +165,7 @@ class Scene:
                 f"there is no {role} in this scene: choose one of"
                 f" {', '.join(self._moved) or 'none'}"
             )
-        node, position = self._moved[role], _array(role, position, 3)
-        wxyz = _wxyz(check_unit_quaternions(role, np.asarray(quaternion, dtype=float)[None], 1)[0])
-        if _place(node, position) or np.abs(wxyz - node.wxyz).max() > STILL_TURN:
-            node.wxyz = wxyz
+        _set_pose(role, self._moved[role], position, quaternion)
 
     def move_ball(self, position: np.ndarray) -> None:
         """Its centre (3,)."""
@@ -267,7 +266,7 @@ class Scene:
         """Ways of the hand (n, 3) that were shown, and places (m, 3) for which they were; they
         replace those that were shown.
         """
-        self._curves.points = _in_one([segments(way) for way in ways])
+        self._curves.points = np.concatenate([np.empty((0, 2, 3)), *map(segments, ways)])
         self._targets.points = np.asarray(places, dtype=float).reshape(-1, 3).astype(np.float32)
 
     def show_cameras(self, cameras: Sequence[Camera]) -> None:
@@ -547,6 +546,14 @@ def _place(node: Any, position: np.ndarray) -> bool:
     return True
 
 
+def _set_pose(what: str, node: Any, position: np.ndarray, quaternion: np.ndarray) -> None:
+    """Show a node at a position (3,) with a quaternion (4,), if that is worth sending."""
+    position = _array(what, position, 3)
+    wxyz = _wxyz(check_unit_quaternions(what, np.asarray(quaternion, dtype=float)[None], 1)[0])
+    if _place(node, position) or np.abs(wxyz - node.wxyz).max() > STILL_TURN:
+        node.wxyz = wxyz
+
+
 def _wxyz(quaternion: np.ndarray) -> np.ndarray:
     """Quaternions (..., 4) x, y, z, w in viser's order."""
     return quaternion[..., [3, 0, 1, 2]]
@@ -554,7 +561,3 @@ def _wxyz(quaternion: np.ndarray) -> np.ndarray:
 
 def _parts(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     return mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32)
-
-
-def _in_one(curves: Sequence[np.ndarray]) -> np.ndarray:
-    return np.concatenate(curves) if curves else np.empty((0, 2, 3))

@@ -17,18 +17,26 @@ from dart_skill.arm import wam_description, write_urdf
 from dart_skill.common import palette
 from dart_skill.simulation import Basket, connect
 from dart_skill.skills.protocol import Skill
-from dart_skill.view._shapes import bucket, sphere
-from dart_skill.view._solids import ColouredMesh, parts_of
+from dart_skill.view.shapes import ColouredMesh, bucket, parts_of, sphere
 
-EYE, LOOKED_AT, ANGLE = (1.0, -3.9, 2.4), (0.85, 0.0, 0.85), 46.0
-"""Where the camera of a throw stands and looks [m], and its angle of view [deg]."""
-BENCH_EYE, BENCH_LOOKED_AT = (1.75, -1.35, 1.95), (0.55, 0.0, 1.15)
-"""The same for work within reach."""
+FAR_VIEW = (1.0, -3.9, 2.4), (0.85, 0.0, 0.85)
+"""Position of the camera of a throw and the point to which it looks [m]."""
+BENCH_VIEW = (1.75, -1.35, 1.95), (0.55, 0.0, 1.15)
+"""Position of the camera of work within reach and the point to which it looks [m]."""
+ANGLE = 46.0
+"""Vertical angle of view [deg]."""
 LIGHT_FROM = (2.0, -3.0, 5.0)
-NEAR, FAR = 0.05, 20.0
-WIDTH, HEIGHT = 320, 240
+"""Position of the lamp [m]."""
+NEAR = 0.05
+"""Distance of the nearest thing that is drawn [m]."""
+FAR = 20.0
+"""Distance of the farthest thing that is drawn [m]."""
+WIDTH = 320
+"""Width of a picture [pixels]."""
+HEIGHT = 240
+"""Height of a picture [pixels]."""
 AWAY = (0.0, 0.0, -50.0)
-"""Where a body is drawn that was not seen yet."""
+"""Position of a body that was not seen yet, out of sight [m]."""
 
 
 class SceneCamera:
@@ -56,12 +64,14 @@ class SceneCamera:
         for solid in skill.surroundings():
             self._body(parts_of([solid]), palette.LIGHT)
         self._bodies = {
-            role: self._body(self._parts(skill, role), self._colour(skill, role), AWAY)
+            role: self._body(
+                _parts(skill, role), palette.BALL if role == skill.moves else palette.BASKET, AWAY
+            )
             for role in skill.bodies
         }
         far = skill.world in ("basket", "board")
-        eye, looked_at = (EYE, LOOKED_AT) if far else (BENCH_EYE, BENCH_LOOKED_AT)
-        self._view = client.computeViewMatrix(eye, looked_at, (0.0, 0.0, 1.0))
+        view = FAR_VIEW if far else BENCH_VIEW
+        self._view = client.computeViewMatrix(*view, (0.0, 0.0, 1.0))
         self._projection = client.computeProjectionMatrixFOV(ANGLE, width / height, NEAR, FAR)
 
     def picture(
@@ -114,23 +124,6 @@ class SceneCamera:
         )
         client.createMultiBody(0, -1, mount, [0.0, 0.0, height / 2])
 
-    @staticmethod
-    def _parts(skill: Skill, role: str) -> list[ColouredMesh]:
-        if skill.in_the_open:  # it says nothing of its bodies: the live view knows them
-            shape = Basket()
-            return [
-                ColouredMesh(
-                    sphere(wam_description().ball.radius)
-                    if role == "ball"
-                    else bucket(shape.radius, shape.depth, shape.wall)
-                )
-            ]
-        return parts_of(skill.solids(role))
-
-    @staticmethod
-    def _colour(skill: Skill, role: str) -> tuple[int, int, int]:
-        return palette.BALL if role == skill.moves else palette.BASKET
-
     def _body(
         self,
         parts: list[ColouredMesh],
@@ -156,6 +149,15 @@ class SceneCamera:
             indices=both,
             rgbaColor=_rgba(part.colour or colour),
         )
+
+
+def _parts(skill: Skill, role: str) -> list[ColouredMesh]:
+    if skill.in_the_open and role == "ball":
+        return [ColouredMesh(sphere(wam_description().ball.radius))]
+    if skill.in_the_open:
+        shape = Basket()
+        return [ColouredMesh(bucket(shape.radius, shape.depth, shape.wall))]
+    return parts_of(skill.solids(role))
 
 
 def _rgba(colour: tuple[int, int, int]) -> list[float]:

@@ -12,7 +12,7 @@ import yaml
 
 from dart_skill import figures
 from dart_skill.common import palette
-from dart_skill.view._panel import legend
+from dart_skill.view import legend
 from tests.paths import ROOT
 
 VIEWERS = ROOT / "config" / "viewers"

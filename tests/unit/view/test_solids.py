@@ -10,7 +10,7 @@ pytest.importorskip("viser")
 from dart_skill import view
 from dart_skill.darts import as_target
 from dart_skill.skills.protocol import Skill, Solid, load_skill
-from dart_skill.view._solids import BLACK, CREAM, GREEN, RED, parts_of
+from dart_skill.view.shapes import BLACK, CREAM, GREEN, RED, parts_of
 
 
 @pytest.fixture(scope="module")

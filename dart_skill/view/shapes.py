@@ -1,16 +1,35 @@
-"""Triangle meshes of primitive shapes: what viewers are given of the arm, the ball, the basket and
-the cameras. Lengths in metres.
+"""Triangle meshes of primitive shapes, and of the bodies of skills, each part of a body with its
+colour. Lengths are in metres.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from dart_skill.common.surface import BOARD_DIAMETER
+from dart_skill.darts import RADII, SECTOR_ANGLE
+from dart_skill.skills.protocol import Solid
+
 SIDES = 24
-"""Sides of everything round."""
+"""Number of sides of round shapes."""
+BLACK = (35, 35, 35)
+"""Colour of the dark single beds of a dart board."""
+CREAM = (235, 222, 196)
+"""Colour of the light single beds of a dart board."""
+RED = (200, 45, 40)
+"""Colour of the inner bull and of the doubles and trebles beside dark beds."""
+GREEN = (20, 120, 70)
+"""Colour of the outer bull and of the doubles and trebles beside light beds."""
+DARK = (20, 20, 20)
+"""Colour of the rim of a dart board."""
+ARC = 6
+"""Number of chords of a sector of the board."""
+THICK = 0.038
+"""Thickness of a board [m]."""
 
 
 @dataclass(frozen=True)
@@ -174,3 +193,76 @@ def _band(here: np.ndarray, there: np.ndarray, step: int) -> np.ndarray:
             np.column_stack([there, here + step, there + step]),
         ]
     )
+
+
+class ColouredMesh(NamedTuple):
+    """A mesh and its colour; None for that of the body."""
+
+    mesh: Mesh
+    colour: tuple[int, int, int] | None = None
+
+
+def parts_of(solids: Sequence[Solid]) -> list[ColouredMesh]:
+    """What is drawn of a body; of one without solids a small box, so that one sees where it is."""
+    found: list[ColouredMesh] = []
+    for solid in solids or (Solid("box", (0.04, 0.04, 0.04)),):
+        centre = np.array(solid.centre)
+        found += [
+            ColouredMesh(part.mesh.moved(centre), part.colour)
+            for part in MADE_OF[solid.kind](*solid.lengths)
+        ]
+    return found
+
+
+def _board() -> list[ColouredMesh]:
+    """A board whose face is the plane x = 0, seen from where x is negative; z is up, and y to the
+    left as the thrower sees it.
+    """
+    radii = np.array([0.0, *RADII]) * 1e-3
+    meshes: dict[tuple[int, int, int], list[Mesh]] = {}
+    for ring, colours in enumerate(
+        [(RED, RED), (GREEN, GREEN), (BLACK, CREAM), (RED, GREEN), (BLACK, CREAM), (RED, GREEN)]
+    ):
+        for sector in range(20):
+            meshes.setdefault(colours[sector % 2], []).append(
+                _ring_sector(radii[ring], radii[ring + 1], sector)
+            )
+    turned = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    disc = (
+        cylinder(0.5 * BOARD_DIAMETER, THICK, 48)
+        .moved(np.zeros(3), turned)
+        .moved(np.array([0.5 * THICK + 0.001, 0.0, 0.0]))
+    )
+    return [
+        ColouredMesh(disc, DARK),
+        *(ColouredMesh(joined(parts), colour) for colour, parts in meshes.items()),
+    ]
+
+
+def _ring_sector(inner: float, outer: float, sector: int) -> Mesh:
+    """A bed of the board, in its face; sectors count clockwise from the top, as the thrower sees
+    it.
+    """
+    angles = (sector + np.linspace(-0.5, 0.5, ARC + 1)) * SECTOR_ANGLE
+    rim = np.column_stack([np.zeros(ARC + 1), -np.sin(angles), np.cos(angles)])
+    here = np.arange(ARC)
+    faces = np.concatenate(
+        [
+            np.column_stack([here, here + 1, here + ARC + 1]),
+            np.column_stack([here + 1, here + ARC + 2, here + ARC + 1]),
+        ]
+    )
+    return Mesh(np.concatenate([inner * rim, outer * rim]), faces)
+
+
+def _cup(radius: float, height: float, wall: float) -> list[ColouredMesh]:
+    return [ColouredMesh(bucket(radius, height, wall).moved(np.array([0.0, 0.0, height])))]
+
+
+MADE_OF: dict[str, Callable[..., list[ColouredMesh]]] = {
+    "box": lambda *edges: [ColouredMesh(box(np.array(edges)))],
+    "sphere": lambda radius: [ColouredMesh(sphere(radius))],
+    "cylinder": lambda radius, length: [ColouredMesh(cylinder(radius, length))],
+    "cup": _cup,
+    "board": _board,
+}
