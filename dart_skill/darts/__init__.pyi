@@ -18,6 +18,7 @@ from dart_skill.darts._estimation import LikelihoodRatio as LikelihoodRatio
 from dart_skill.darts._estimation import SpreadEstimate as SpreadEstimate
 from dart_skill.darts._estimation import estimate_from_points as estimate_from_points
 from dart_skill.darts._estimation import estimate_from_scores as estimate_from_scores
+from dart_skill.darts._exact import bed_moments as bed_moments
 from dart_skill.darts._exact import bed_probabilities as bed_probabilities
 from dart_skill.darts._exact import expected_score as expected_score
 from dart_skill.darts._exact import score_derivatives as score_derivatives

@@ -52,6 +52,20 @@ def test_a_precision_that_grows_is_followed_across_the_jump_of_the_best_aim():
     np.testing.assert_allclose(agent.aim, best_aim(8.0).point, atol=8.0)
 
 
+def test_a_thrower_who_begins_to_improve_after_a_long_time_is_followed():
+    """The rate of change that is believed may itself change: after 600 throws without improvement
+    it is not too sure that there is none.
+    """
+    sigmas = np.concatenate([np.full(600, 40.0), 40.0 * np.exp(-0.004 * np.arange(300))])
+    agent, rng, believed = ModelBasedAgent(), np.random.default_rng(1), []
+    for sigma in sigmas:
+        believed.append(agent.sigma)
+        agent.tell(int(score(agent.aim + sigma * rng.standard_normal(2))))
+    lag = np.log(believed / sigmas)
+    assert abs(lag[300:600].mean()) < 0.1
+    assert lag[700:].mean() < 0.35
+
+
 def test_before_the_first_throw_it_aims_where_a_thrower_of_unknown_precision_should():
     agent = ModelBasedAgent()
     scores = [

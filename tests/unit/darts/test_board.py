@@ -13,12 +13,12 @@ from dart_skill.darts import (
     as_target,
     bed_at,
     bed_centres,
+    estimate_from_scores,
     name_at,
     place_of,
     professional,
     score,
 )
-from dart_skill.darts._board import beds_named, parse_score_list
 
 NUMBERS = [20, 1, 18, 4, 13, 6, 10, 15, 2, 17, 3, 19, 7, 16, 8, 11, 14, 9, 12, 5]
 
@@ -105,36 +105,24 @@ def test_names_lead_to_points_and_back():
     assert place_of([0.0, 200.0]) == "outside D20"
 
 
-def test_a_score_means_every_bed_that_scores_it():
-    assert {BED_NAMES[bed] for bed in np.flatnonzero(beds_named(18))} == {"S18", "D9", "T6"}
-    assert {BED_NAMES[bed] for bed in np.flatnonzero(beds_named("T6"))} == {"T6"}
-    assert [BED_NAMES[bed] for bed in np.flatnonzero(beds_named("0"))] == ["miss"]
-
-
-def test_bounce_outs_are_marked():
-    masks, bounced = parse_score_list([20, "x", "T19", None])
-    assert bounced.tolist() == [False, True, False, True]
-    assert masks.sum(axis=1).tolist() == [3, 0, 1, 0]
-
-
 @pytest.mark.parametrize(
     "number", [-1, 23, 29, 31, 35, 37, 41, 43, 44, 46, 47, 49, 52, 53, 55, 56, 58, 59, 61, 180]
 )
 def test_scores_that_cannot_be_thrown_are_refused_with_their_place(number):
     with pytest.raises(ValueError, match=f"throw 2: score {number} cannot be thrown"):
-        parse_score_list([20, number])
+        estimate_from_scores([20, number])
 
 
 @pytest.mark.parametrize("bad", [float("nan"), "T21", "D0", "abc", 20.5, True])
 def test_what_is_no_score_is_refused(bad):
     with pytest.raises(ValueError, match="throw 1: .* is no score or bed; write"):
-        parse_score_list([bad])
+        estimate_from_scores([bad])
 
 
 @pytest.mark.parametrize("bad", [[], "20 20", 20])
 def test_what_is_no_list_of_scores_is_refused(bad):
     with pytest.raises(ValueError, match="scores"):
-        parse_score_list(bad)
+        estimate_from_scores(bad)
 
 
 @pytest.mark.parametrize(

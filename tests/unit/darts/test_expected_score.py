@@ -14,14 +14,13 @@ from dart_skill.darts import (
     RADII,
     Spread,
     bed_at,
+    bed_moments,
     bed_probabilities,
     expected_score,
     heat_map,
     score,
     score_derivatives,
 )
-from dart_skill.darts._exact import bed_moments
-from dart_skill.darts._heat_map import cell_means
 from tests.unit.darts import reference
 
 AIMS = np.array(
@@ -196,18 +195,6 @@ def test_the_map_has_its_axes_where_it_says():
     point, value = heat_map(16.0).best
     assert point == pytest.approx([-1.8, 105.9], abs=1.0)
     assert value == pytest.approx(20.689, abs=0.01)
-
-
-def test_cells_hold_the_mean_score_over_their_area(rng):
-    cells = cell_means(1.0)
-    n_half = len(cells) // 2
-    assert cells.sum() == pytest.approx(np.pi * 170**2 * 12.82422, rel=1e-6)
-    for row, column in [(103, 0), (99, 0), (0, 6), (106, 17), (-166, -26), (170, 0)]:
-        points = np.array([column, row]) + rng.uniform(-0.5, 0.5, (20_000, 2))
-        scores = score(points)
-        assert cells[n_half + row, n_half + column] == pytest.approx(
-            scores.mean(), abs=5 * scores.std() / np.sqrt(20_000) + 1e-12
-        )
 
 
 @pytest.mark.parametrize(

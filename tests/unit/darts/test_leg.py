@@ -15,7 +15,6 @@ from dart_skill.darts import (
     professional,
     solve_leg,
 )
-from dart_skill.darts._leg_solver import Everywhere, Nearby
 from tests.unit.darts import reference
 from tests.unit.darts.simulated import simulate_legs
 
@@ -217,19 +216,3 @@ def test_a_state_that_cannot_be_is_refused(policy, arguments, words):
 def test_a_leg_that_is_none_is_refused(arguments, words):
     with pytest.raises(ValueError, match=words):
         solve_leg(*arguments)
-
-
-@pytest.mark.parametrize("everywhere", (True, False))
-@pytest.mark.parametrize("remaining", (3, 61, 62, 121, 122, 199))
-def test_all_ways_to_ask_for_the_means_of_a_state_say_the_same(everywhere, remaining):
-    rng = np.random.default_rng(0)
-    results, values = rng.dirichlet(np.ones(57), size=30), rng.random((3, 57))
-    choice = Everywhere(results) if everywhere else Nearby(results, rng.random((3, 200, 30)) < 0.3)
-    means, misses = choice.turn(remaining, values)
-    for darts, (row, mean, miss) in enumerate(zip(values, means, misses, strict=True), start=1):
-        [expected] = choice.means(darts, remaining, row[None])
-        np.testing.assert_allclose(mean, expected, rtol=1e-13)
-        np.testing.assert_allclose(
-            choice.means_at(darts, remaining, values)[darts - 1], expected, rtol=1e-13
-        )
-        np.testing.assert_array_equal(miss, choice.means(darts, remaining, np.eye(1, 57))[0])

@@ -2,7 +2,6 @@
 what more skill is worth.
 """
 
-import dataclasses
 import itertools
 
 import numpy as np
@@ -13,7 +12,6 @@ from dart_skill.darts import (
     BED_SCORES,
     Spread,
     aims_apart,
-    bed_centres,
     bed_probabilities,
     checkout_table,
     match_chance,
@@ -21,8 +19,6 @@ from dart_skill.darts import (
     professional,
     solve_match,
 )
-from dart_skill.darts._candidates import best_turn, candidates_at, first_aims, thrower_of
-from dart_skill.darts._leg_solver import Nearby, after_dart
 from tests.unit.darts.simulated import simulate_match_legs
 
 START = 31
@@ -42,59 +38,61 @@ def solved(players):
     return {plays: solve_match(*players, START, plays) for plays in PLAYS}
 
 
-def chances_of_turn(chances, after, begun):
-    """The best chances (m,) to win at the start of a turn, if they are after (m, s) with s left at
-    its end.
+def chances_of_turn(chances, after, begun, aims_of):
+    """The best chances (m,) to win at the start of a turn from the score `begun`.
 
-    chances (n, 83): of the beds at each aim.
+    Parameters
+    ----------
+    chances : (n, 83)
+        Probabilities of the beds at each aim.
+    after : (m, s)
+        Chances to win with s left at the end of the turn, in m cases.
+    aims_of
+        Gives the indices of the aims for a number of darts left and a remaining score.
     """
     values = after
-    for _ in range(3):
+    for darts in (1, 2, 3):
         now = np.zeros((len(after), begun + 1))
         now[:, 0] = 1.0
-        for remaining in range(2, begun + 1):
+        for remaining in range(max(2, begun - 60 * (3 - darts)), begun + 1):
             left = remaining - BED_SCORES
             bust = (left < 0) | (left == 1) | ((left == 0) & ~BED_IS_DOUBLE)
             outcomes = np.where(bust, after[:, [begun]], values[:, np.maximum(left, 0)])
-            now[:, remaining] = (outcomes @ chances.T).max(axis=1)
+            now[:, remaining] = (outcomes @ chances[aims_of(darts, remaining)].T).max(axis=1)
         values = now
     return values[:, begun]
 
 
-def iterated(mine, theirs, start):
-    """Chances (start + 1, start + 1) of both players to win at the start of their own turn, by
-    what they and the other have left: all turns are computed again until nothing changes. mine,
-    theirs (n, 83): chances of the beds at each aim.
+def iterated(players, sigmas, start):
+    """Chances (2, start + 1, start + 1) of both players to win at the start of their own turn, by
+    what they and the other have left: all turns are computed again until nothing changes.
     """
     first = np.zeros((2, start + 1, start + 1))
+    chances = [
+        bed_probabilities(player.aims, sigma)
+        for player, sigma in zip(players, sigmas, strict=True)
+    ]
     for _ in range(200):
         before = first.copy()
-        for own, (me, chances) in itertools.product(
-            range(2, start + 1), enumerate((mine, theirs))
-        ):
+        for own, me in itertools.product(range(2, start + 1), range(2)):
             after = 1.0 - first[1 - me, 2:, : own + 1]
             after[:, 0] = 1.0
-            first[me, own, 2:] = chances_of_turn(chances, after, own)
+            first[me, own, 2:] = chances_of_turn(
+                chances[me], after, own, players[me].choice.allowed
+            )
         if np.abs(first - before).max() < 1e-8:
             return first
     raise AssertionError("the value iteration does not converge")
 
 
-def with_aims(player, aims, spread):
-    """A player who may aim at the same points in every state."""
-    candidates = candidates_at(aims, thrower_of(spread))
-    choice = Nearby(candidates.results, np.ones((3, player.leg.start + 1, len(aims)), dtype=bool))
-    return dataclasses.replace(player, aims=aims, which=candidates.which, choice=choice)
-
-
 @pytest.mark.slow
 def test_a_small_game_has_the_chances_that_value_iteration_finds():
-    start, sigmas, aims = 31, (11.0, 27.0), bed_centres()
-    found = solve_match(
-        *(with_aims(match_player(sigma, start), aims, sigma) for sigma in sigmas), start
-    )
-    expected = iterated(*(bed_probabilities(aims, sigma) for sigma in sigmas), start)
-    for side, chances in zip((found.me, found.them), expected, strict=True):
+    start, sigmas = 31, (11.0, 27.0)
+    players = [match_player(sigma, start) for sigma in sigmas]
+    found = solve_match(*players, start)
+    for side, chances in zip(
+        (found.me, found.them), iterated(players, sigmas, start), strict=True
+    ):
         np.testing.assert_allclose(side.first[2:, 2:], chances[2:, 2:], atol=1e-6)
 
 
@@ -105,25 +103,16 @@ def test_no_turn_can_be_played_better_than_the_chances_say(solved, plays):
     point is the solution.
     """
     for side in (solved[plays].me, solved[plays].them):
-        results = candidates_at(side.aims, thrower_of(side.player.leg.spreads[0])).results
+        beds = bed_probabilities(side.aims, side.player.leg.spreads[0])
         for begun, against in np.random.default_rng(2).integers(2, START + 1, (30, 2)):
-            chance = _turn(side, results, begun, against)
+            fewest = side.player.leg.choices
+            aims_of = {
+                "best": side.player.choice.allowed,
+                "turns": lambda darts, left: fewest[3 - darts][begun, [begun - left]],  # noqa: B023
+            }[side.play]
+            after = side.second[None, : begun + 1, against]
+            [chance] = chances_of_turn(beds, after, begun, aims_of)
             assert side.first[begun, against] == pytest.approx(chance, abs=1e-6), (begun, against)
-
-
-def _turn(side, results, begun, against):
-    values = after = side.second[: begun + 1, against]
-    for darts in (1, 2, 3):
-        now = np.full(begun + 1, np.nan)
-        now[0] = 1.0
-        for remaining in range(max(2, begun - 60 * (3 - darts)), begun + 1):
-            aims = side.player.choice.allowed(darts, remaining)
-            if side.play == "turns":
-                aims = side.choices(begun, against)[3 - darts][[begun - remaining]]
-            left, bust = after_dart(np.array(remaining))
-            now[remaining] = (results[aims] @ np.where(bust, after[begun], values[left])).max()
-        values = now
-    return values[begun]
 
 
 @pytest.mark.parametrize("begins", ["me", "them"])
@@ -156,14 +145,6 @@ def test_the_turns_of_the_policy_come_to_its_expected_number(players):
         outcomes, expected = player.outcomes[2:], player.leg.expected[2:]
         np.testing.assert_allclose(outcomes.sum(axis=1), 1.0, atol=1e-12)
         np.testing.assert_allclose(1.0 + outcomes[:, 2:] @ expected, expected, rtol=1e-6)
-
-
-def test_one_turn_after_which_all_is_lost_finishes_as_often_as_it_can():
-    thrower, lost = thrower_of(15.0), np.append(0.0, np.ones(200))
-    _, turn = best_turn(thrower, lost, candidates_at(first_aims(thrower), thrower))
-    np.testing.assert_allclose(
-        1.0 - turn.expected[2:], checkout_table(15.0, 200).probability[2:, 2], atol=2e-3
-    )
 
 
 def test_the_best_answer_wins_more_than_the_fewest_turns_in_every_state(solved):
