@@ -5,7 +5,9 @@ changing landscapes (`Niches`, `Sharpening`). The searches with which these are 
 `dart_skill.experiments.studies`: `baselines` and `policy_gradients`.
 """
 
+from dart_skill.policy_search._gaussian_process import BlurredNoise, Surrogate
 from dart_skill.policy_search._mixture_power import MixturePoWER, Readings
+from dart_skill.policy_search._niche import Niche, forecast
 from dart_skill.policy_search._niches import Niches
 from dart_skill.policy_search._policy import (
     GaussianPolicy,
@@ -28,13 +30,10 @@ from dart_skill.policy_search._sharpening import Sharpening
 from dart_skill.policy_search._weights import among_best, return_weights
 
 __all__ = [
+    "BlurredNoise",
     "GaussianPolicy",
-    "SearchSettings",
-    "ToldTrial",
-    "VectorSearch",
-    "among_best",
-    "population",
     "MixturePoWER",
+    "Niche",
     "Niches",
     "PathLength",
     "PoWER",
@@ -42,9 +41,16 @@ __all__ = [
     "PrimitiveTrial",
     "Readings",
     "Search",
-    "Sharpening",
+    "SearchSettings",
     "SearchTrial",
+    "Sharpening",
+    "Surrogate",
+    "ToldTrial",
+    "VectorSearch",
+    "among_best",
+    "forecast",
     "generator_state",
+    "population",
     "restored_generator",
     "return_weights",
     "with_constant_noise",

@@ -30,12 +30,20 @@ from __future__ import annotations
 
 import numpy as np
 
-LENGTHS = 2.0 ** np.arange(-3.0, 1.5, 0.5)  # [spreads per root of the dimension]
-# variance of the noise of a return, relative to that of the landscape
+LENGTHS = 2.0 ** np.arange(-3.0, 1.5, 0.5)
+"""Possible lengths of hills [spreads per root of the dimension]."""
 NOISES = 10.0 ** np.arange(-4, 2)
-EXACT = 2  # largest index into NOISES for returns without noise
-SURE = 0.25  # standard deviation of the length about the one that was given [octaves]
-FIRST = (5, 1)  # first indices into LENGTHS and NOISES
+"""Possible variances of the noise of a return, relative to that of the landscape."""
+EXACT = 2
+"""Largest index into NOISES for returns without noise."""
+SURE = 0.25
+"""Standard deviation of the length about the one that was given [octaves]."""
+FIRST = (5, 1)
+"""First indices into LENGTHS and NOISES."""
+JITTER = 1e-9
+"""Share that is added to the variance, so that the covariance of two trials at one place can be
+inverted.
+"""
 
 
 class Surrogate:
@@ -44,9 +52,9 @@ class Surrogate:
     Parameters
     ----------
     points : (n, d)
-        Where returns were seen, and their means.
+        Where returns were seen.
     values : (n,)
-        Where returns were seen, and their means.
+        Means of the returns.
     ages : (n,)
         In lifetimes.
     counts : (n,)
@@ -67,7 +75,7 @@ class Surrogate:
         values: np.ndarray,
         ages: np.ndarray,
         counts: np.ndarray,
-        indices: tuple[int, int],
+        indices: tuple[int, int] = FIRST,
         lengths: np.ndarray | None = None,
         now: float = float(LENGTHS[FIRST[0]]),
         exact: bool = False,
@@ -135,11 +143,6 @@ def _squared_distances(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.maximum(squares, 0.0)
 
 
-# added to the variance, as a share of it, so that the covariance of two trials at one place can be
-# inverted
-JITTER = 1e-9
-
-
 class BlurredNoise:
     """Posterior of the landscape.
 
@@ -148,7 +151,7 @@ class BlurredNoise:
     points : (n, d)
         Where values were seen.
     values : (n,)
-        Where values were seen.
+        The values.
     blurs : (n,)
         Variance per axis of the blur of each, in the squared unit of the points; the last one is
         c.

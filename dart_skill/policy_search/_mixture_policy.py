@@ -31,9 +31,12 @@ from dart_skill.policy_search._policy import NOISE, GaussianPolicy
 from dart_skill.policy_search._search import SearchSettings, ToldTrial
 from dart_skill.policy_search._weights import return_weights
 
-DEAD_SHARE = 1e-6  # a component with less than this share of all weight is dropped
-# least variance of a component relative to its largest one, so that its covariance can be inverted
+DEAD_SHARE = 1e-6
+"""Share of all weight below which a component is dropped."""
 FLATTEST = 1e-10
+"""Least variance of a component relative to its largest one, so that its covariance can be
+inverted.
+"""
 
 
 def alive(mass: np.ndarray) -> np.ndarray:
@@ -160,7 +163,7 @@ class MixturePolicy:
 
     def state(self) -> dict:
         return {
-            name: getattr(self, name).tolist()
+            name: getattr(self, name)
             for name in ("start", "scale", "priors", "means", "variances", "axes", "returns")
         }
 
@@ -278,10 +281,7 @@ class SizedMixture(MixturePolicy):
             {
                 "label": one.label,
                 "policy": one.policy.state(),
-                "waiting": [
-                    [each.number, each.noise.tolist(), each.tried.tolist(), each.outcome.tolist()]
-                    for each in one.waiting
-                ],
+                "waiting": [list(vars(told).values()) for told in one.waiting],
             }
             for one in self._components
         ]

@@ -22,7 +22,7 @@ real curve is not a line. The standard deviation of the slope ahead is at least 
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
@@ -31,13 +31,20 @@ from numpy.typing import ArrayLike
 from dart_skill.common.checks import as_vector
 from dart_skill.policy_search._search import SearchSettings, VectorSearch
 
-FULL_MODEL = 10  # up to so many parameters H is a full matrix; the model then has 66 coefficients
-# weight, in trials, of the prior (slope zero, the last curvature), so that few trials give a well-
-# posed fit
+FULL_MODEL = 10
+"""Largest number of parameters for which H is a full matrix; the model then has 66 coefficients."""
 RIDGE = 0.03
-LONGEST_STEP = 1.0  # [radii per root of the dimension]
-STILL = 0.1  # length of a step that leaves the radius unchanged, in the same unit
-SETTLED = 0.5  # the top counts as found if a step is shorter than this, in the same unit
+"""Weight of the prior (slope zero, the last curvature) [trials]; it keeps the fit of few trials
+well-posed.
+"""
+LONGEST_STEP = 1.0
+"""Length of the longest step [radii per root of the dimension]."""
+STILL = 0.1
+"""Length of a step that leaves the radius unchanged [radii per root of the dimension]."""
+SETTLED = 0.5
+"""Length of a step below which the top counts as found [radii per root of the dimension]."""
+REMEMBERED = 8
+"""Number of latest visits through which the line is fitted."""
 
 
 @dataclass
@@ -94,10 +101,10 @@ class Niche:
     visits: list[tuple[float, float, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.centre, self.hessian = (
-            np.array(self.centre, dtype=float),
-            np.array(self.hessian, dtype=float),
-        )
+        self.centre = np.array(self.centre, dtype=float)
+        self.hessian = np.array(self.hessian, dtype=float)
+        self.trials = [(number, np.array(place), *rest) for number, place, *rest in self.trials]
+        self.visits = [tuple(visit) for visit in self.visits]
 
     @property
     def known(self) -> bool:
@@ -182,24 +189,6 @@ class Niche:
             np.clip(self.radius * np.clip((length / STILL) ** 0.2, 0.9, 1.15), *limits)
         )
 
-    def state(self) -> dict:
-        trials = [[number, place.tolist(), *rest] for number, place, *rest in self.trials]
-        visits = [list(visit) for visit in self.visits]
-        return {
-            **asdict(self),
-            "centre": self.centre.tolist(),
-            "hessian": self.hessian.tolist(),
-            "trials": trials,
-            "visits": visits,
-        }
-
-    @classmethod
-    def from_state(cls, state: dict) -> Niche:
-        trials = [(number, np.array(place), *rest) for number, place, *rest in state["trials"]]
-        return cls(
-            **{**state, "trials": trials, "visits": [tuple(visit) for visit in state["visits"]]}
-        )
-
 
 def n_coefficients(d: int) -> int:
     """Number of coefficients of the model, without the trend s."""
@@ -249,9 +238,6 @@ def _newton(slope: np.ndarray, curvatures: np.ndarray, axes: np.ndarray) -> np.n
     along, longest = axes.T @ slope, LONGEST_STEP * np.sqrt(len(slope))
     step = axes @ (along / np.maximum(np.maximum(-curvatures, np.abs(along) / longest), 1e-300))
     return step * min(1.0, longest / max(float(np.linalg.norm(step)), 1e-300))
-
-
-REMEMBERED = 8  # number of latest visits through which the line is fitted
 
 
 def forecast(
@@ -309,6 +295,14 @@ class NicheSearch(VectorSearch):
             "constant", "rank", 1, 1, 2, 0.0, tuple(as_vector(limits, "limits", 2).tolist())
         )
         super().__init__(parameters, spread, settings, rng)
+        self._root = float(np.sqrt(self._start.size))
+
+    def _cloud(self, n: int, reach: float) -> np.ndarray:
+        """Places (n, d), uniform in a ball about the start [spreads per root of d]."""
+        d = self._start.size
+        directions = self._rng.standard_normal((n, d))
+        sizes = reach * self._root * self._rng.random((n, 1)) ** (1 / d)
+        return sizes * directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
     def _learn(self) -> bool:
         changed = self._update([self._told[-1]])
@@ -318,8 +312,8 @@ class NicheSearch(VectorSearch):
 
     def _policy_state(self) -> dict:
         return {
-            "start": self._start.tolist(),
-            "scale": self._scale.tolist(),
+            "start": self._start,
+            "scale": self._scale,
             "options": {name: getattr(self, f"_{name}") for name in self.OPTIONS},
             "memory": {name: getattr(self, f"_{name}") for name in self.MEMORY},
         }

@@ -41,25 +41,36 @@ from dart_skill.policy_search._niche import (
 )
 from dart_skill.policy_search._search import SearchSettings, ToldTrial
 
-SCOUT = -1  # identity of a trial that belongs to no niche
-LANDMARKS = 150  # number of trials, of scouts and of all niches but the best, that are remembered
-THINNING = 0.1  # a trial replaces landmarks nearer than this [spreads per root of the dimension]
-PLACES = 200  # number of places among which a scout chooses
-# a place is known if the surrogate's standard deviation is below this [standard deviations of the
-# landscape]
+SCOUT = -1
+"""Identity of a trial that belongs to no niche."""
+LANDMARKS = 150
+"""Number of trials, of scouts and of all niches but the best, that are remembered."""
+THINNING = 0.1
+"""Distance within which a trial replaces landmarks [spreads per root of the dimension]."""
+PLACES = 200
+"""Number of places among which a scout chooses."""
 KNOWN = 0.3
-VALLEY = 0.15  # least depth of a valley that divides two hills, in the same unit
-# radius of trials about a new niche, in lengths of the surrogate; about the first one, in spreads
+"""Standard deviation of the surrogate below which a place is known [standard deviations of the
+landscape].
+"""
+VALLEY = 0.15
+"""Least depth of a valley that divides two hills [standard deviations of the landscape]."""
 FIRST_RADIUS = 0.3
-LARGEST_RADIUS = 0.4  # largest radius of trials, in lengths of the surrogate
-VISIT = (
-    0.5  # radius of the trials of a visit to a top that is found, relative to that of its climb
-)
-# largest change of the common level by one trial [reliefs]; a larger one is a change of that hill
-# alone
+"""Radius of trials about a new niche [lengths of the surrogate], and about the first one
+[spreads].
+"""
+LARGEST_RADIUS = 0.4
+"""Largest radius of trials [lengths of the surrogate]."""
+VISIT = 0.5
+"""Radius of the trials of a visit to a top that is found, relative to that of its climb."""
 STEADY = 0.1
-FRESH = 0.3  # change after which a trial counts 1/e in the model of its niche [reliefs]
-PAUSE = 10  # least number of trials between two scouts
+"""Largest change of the common level by one trial [reliefs]; what is above it is a change of that
+hill alone.
+"""
+FRESH = 0.3
+"""Change after which a trial counts 1/e in the model of its niche [reliefs]."""
+PAUSE = 10
+"""Least number of trials between two scouts."""
 
 
 class Landmark(NamedTuple):
@@ -97,7 +108,7 @@ class Niches(NicheSearch):
     of 20 runs. The scores of single darts are too noisy for it: with 12000 of them from 75 to 16
     mm and repeats of 100 or 400, its best aim lost 0.7 to 1.0 points in four runs.
 
-    ; a relief is the standard deviation of the landscape within reach:
+    A relief is the standard deviation of the landscape within reach.
 
     Parameters
     ----------
@@ -184,19 +195,12 @@ class Niches(NicheSearch):
         self._scouting = as_number(scouting, "scouting", strict=False)
         self._waiting = as_number(waiting, "waiting", strict=False)
         self._optimism = as_number(optimism, "optimism", strict=False)
-        self._clearing, self._reach, self._fading = (
-            as_number(clearing, "clearing"),
-            as_number(reach, "reach"),
-            as_number(fading, "fading"),
-        )
+        self._clearing, self._reach = as_number(clearing, "clearing"), as_number(reach, "reach")
+        self._fading = as_number(fading, "fading")
         self._most, self._repeats = as_count(most, "most"), as_count(repeats, "repeats")
         d = self._start.size
-        self._root, self._burst, self._check = float(np.sqrt(d)), n_coefficients(d), d + 1
-        self._niches, self._main, self._founded = (
-            [Niche(0, np.zeros(d), FIRST_RADIUS, np.zeros((d, d)))],
-            0,
-            1,
-        )
+        self._burst, self._check, self._main, self._founded = n_coefficients(d), d + 1, 0, 1
+        self._niches = [Niche(0, np.zeros(d), FIRST_RADIUS, np.zeros((d, d)))]
         self._level, self._clock, self._change, self._mark = 0.0, 0.0, 0.0, None
         self._relief, self._purse, self._next_scout, self._turns = 0.0, 0.0, 0, 0
         self._indices, self._length = FIRST, float(LENGTHS[FIRST[0]]) * self._root
@@ -312,7 +316,7 @@ class Niches(NicheSearch):
         """The place (d,) with the largest possible value, far enough from all niches; None if it
         could not become the best.
         """
-        places = self._cloud()
+        places = self._cloud(PLACES, self._reach)
         if self._beginning():
             self._remember(number, places[0], 0.0)
             return places[0]
@@ -328,13 +332,6 @@ class Niches(NicheSearch):
         # the prediction stands until the return is told, or if it fails
         self._remember(number, places[best], float(mean[best]))
         return places[best]
-
-    def _cloud(self) -> np.ndarray:
-        """Places (n, d), uniform in the ball within reach."""
-        d = self._start.size
-        directions = self._rng.standard_normal((PLACES, d))
-        sizes = self._reach * self._root * self._rng.random((PLACES, 1)) ** (1 / d)
-        return sizes * directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
     def _distances(self, places: np.ndarray) -> np.ndarray:
         """Distances (niches, n) from the niches to places (n, d)."""
@@ -563,11 +560,9 @@ class Niches(NicheSearch):
     def _policy_state(self) -> dict:
         return {
             **super()._policy_state(),
-            "indices": list(self._indices),
-            "niches": [one.state() for one in self._niches],
-            "landmarks": [
-                [number, place.tolist(), *rest] for number, place, *rest in self._landmarks
-            ],
+            "indices": self._indices,
+            "niches": [vars(one) for one in self._niches],
+            "landmarks": self._landmarks,
         }
 
     @classmethod
@@ -576,7 +571,7 @@ class Niches(NicheSearch):
     ) -> Niches:
         search = super()._from_policy_state(state, settings, rng)
         search._indices = tuple(state["indices"])
-        search._niches = [Niche.from_state(one) for one in state["niches"]]
+        search._niches = [Niche(**one) for one in state["niches"]]
         search._landmarks = [
             Landmark(number, np.array(place), *rest) for number, place, *rest in state["landmarks"]
         ]

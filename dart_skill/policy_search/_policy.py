@@ -230,24 +230,13 @@ class GaussianPolicy:
         return (covariance, self.axes) if self.path.diagonal else np.linalg.eigh(covariance)
 
     def state(self) -> dict:
-        arrays = {
-            name: getattr(self, name).tolist()
-            for name in ("start", "scale", "mean", "variances", "axes")
-        }
-        return {
-            **arrays,
-            "size": self.size,
-            "path": self.path.path.tolist(),
-            "shape_path": self.path.shape_path.tolist(),
-        }
+        names = ("start", "scale", "mean", "variances", "axes", "size")
+        paths = {"path": self.path.path, "shape_path": self.path.shape_path}
+        return {name: getattr(self, name) for name in names} | paths
 
     def restore(self, state: dict) -> None:
-        d = self.start.size
-        self.mean, self.variances, self.axes = (
-            np.array(state[name], dtype=float) for name in ("mean", "variances", "axes")
-        )
-        self.axes = self.axes.reshape(d, d)
+        for name in ("mean", "variances", "axes"):
+            setattr(self, name, np.array(state[name], dtype=float))
         self.size = float(state["size"])
-        self.path.path, self.path.shape_path = (
-            np.array(state[name], dtype=float) for name in ("path", "shape_path")
-        )
+        for name in ("path", "shape_path"):
+            setattr(self.path, name, np.array(state[name], dtype=float))

@@ -219,7 +219,7 @@ class PrimitivePoWER(Search):
             "n_dims": self._n_dims,
             "hold": self._hold,
             "credit": self._credit,
-            "activations": self._activations.tolist(),
+            "activations": self._activations,
         }
         return {**choices, **self._policy.state()}
 

@@ -289,24 +289,17 @@ class Search(ABC):
         A search made from it by `from_state` continues with exactly the same trials.
         """
         best = self.best_trial
-        return {
+        state = {
             "kind": type(self).__name__,
-            "settings": {**vars(self.settings), "limits": list(self.settings.limits)},
+            "settings": vars(self.settings),
             "counts": [self.n_asked, self.n_told, self.n_failed, self.n_updates, self._fresh],
-            "open": [
-                [number, noise.tolist(), tried.tolist()]
-                for number, (noise, tried) in self._open.items()
-            ],
-            "told": [
-                [told.number, told.noise.tolist(), told.tried.tolist(), told.outcome.tolist()]
-                for told in self._told
-            ],
-            "best": (
-                None if best is None else [self.best_return, best.number, best.parameters.tolist()]
-            ),
+            "open": [[number, *drawn] for number, drawn in self._open.items()],
+            "told": [list(vars(told).values()) for told in self._told],
+            "best": best and [self.best_return, best.number, best.parameters],
             "generator": generator_state(self._rng),
             "policy": self._policy_state(),
         }
+        return as_json(state)
 
     @classmethod
     def from_state(cls: type[AnySearch], state: dict) -> AnySearch:
@@ -446,9 +439,13 @@ def _frozen(values: ArrayLike) -> np.ndarray:
 
 
 def as_json(value: Any) -> Any:
-    """Nested dicts in which arrays are replaced by lists and numpy numbers by Python numbers."""
+    """Nested dicts and lists in which arrays and tuples are replaced by lists and numpy numbers by
+    Python numbers.
+    """
     if isinstance(value, dict):
         return {key: as_json(part) for key, part in value.items()}
+    if isinstance(value, (list, tuple, deque)):
+        return [as_json(part) for part in value]
     return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
 
 

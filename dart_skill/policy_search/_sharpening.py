@@ -37,23 +37,30 @@ from dart_skill.policy_search._gaussian_process import BlurredNoise
 from dart_skill.policy_search._niche import Niche, NicheSearch
 from dart_skill.policy_search._search import SearchSettings, ToldTrial
 
-TOP = 0  # kind of a trial about the best top
-SCOUT = 1  # kind of a trial of another place
-PROBE = 2  # kind of a trial of a star
-RECORDS = 300  # number of latest trials that the process uses
-PLACES = 300  # number of places among which a scout chooses
-STEP = 0.1  # share of its variance that the blur loses between two stars
-STAR = 0.15  # radius of a star, in lengths of the blur
-NEAR = (
-    6  # number of latest trials at the top, per dimension, that are evaluated together with a star
-)
-# radius of trials about a new top, in lengths of the blur; about the first one, in spreads
+TOP = 0
+"""Kind of a trial about the best top."""
+SCOUT = 1
+"""Kind of a trial of another place."""
+PROBE = 2
+"""Kind of a trial of a star."""
+RECORDS = 300
+"""Number of latest trials that the process uses."""
+PLACES = 300
+"""Number of places among which a scout chooses."""
+STEP = 0.1
+"""Share of its variance that the blur loses between two stars."""
+STAR = 0.15
+"""Radius of a star [lengths of the blur]."""
+NEAR = 6
+"""Number of latest trials at the top, per dimension, that are evaluated together with a star."""
 FIRST_RADIUS = 0.3
-LARGEST_RADIUS = 0.4  # largest radius of trials about a top, in lengths of the blur
-# variance of the error of a value, relative to that of the landscape
+"""Radius of trials about a new top [lengths of the blur], and about the first one [spreads]."""
+LARGEST_RADIUS = 0.4
+"""Largest radius of trials about a top [lengths of the blur]."""
 ERRORS = 10.0 ** np.arange(-7.0, -2.9, 0.5)
-FIRST_ERROR = 4  # first index into ERRORS
-
+"""Possible variances of the error of a value, relative to that of the landscape."""
+FIRST_ERROR = 4
+"""First index into ERRORS."""
 
 Number = TypeVar("Number", float, np.ndarray)
 
@@ -127,26 +134,13 @@ class Sharpening(NicheSearch):
         limits: tuple[float, float] = (0.01, 2.0),
     ):
         super().__init__(parameters, spread, limits, rng)
-        self._optimism, self._every = (
-            as_number(optimism, "optimism", strict=False),
-            as_count(every, "every"),
-        )
-        self._insurance, self._highest, self._purse = (
-            as_number(insurance, "insurance", strict=False),
-            None,
-            0.0,
-        )
-        self._grain, self._clearing, self._reach = (
-            as_number(grain, "grain"),
-            as_number(clearing, "clearing"),
-            as_number(reach, "reach"),
-        )
+        self._optimism = as_number(optimism, "optimism", strict=False)
+        self._insurance = as_number(insurance, "insurance", strict=False)
+        self._grain, self._every = as_number(grain, "grain"), as_count(every, "every")
+        self._clearing, self._reach = as_number(clearing, "clearing"), as_number(reach, "reach")
         d = self._start.size
-        self._root, self._niche, self._founded = (
-            float(np.sqrt(d)),
-            Niche(0, np.zeros(d), FIRST_RADIUS, np.zeros((d, d))),
-            1,
-        )
+        self._niche = Niche(0, np.zeros(d), FIRST_RADIUS, np.zeros((d, d)))
+        self._founded, self._highest, self._purse = 1, None, 0.0
         self._blur, self._seen, self._rate = 1.0, 1.0, 0.0
         self._marked, self._top = 0, None
         self._star: list[np.ndarray] = []
@@ -204,7 +198,8 @@ class Sharpening(NicheSearch):
         It is the promising place with the smallest expected loss. If no place is promising, it is
         the one that is most probably better, provided that the budget covers its expected loss.
         """
-        blur, places = float(self._seen_through(self._variance(number))), self._cloud()
+        blur = float(self._seen_through(self._variance(number)))
+        places = self._cloud(PLACES, self._reach)
         places = places[
             np.linalg.norm(places - self._niche.centre, axis=1) > self._clearing * np.sqrt(blur)
         ]
@@ -223,13 +218,6 @@ class Sharpening(NicheSearch):
         # the prediction stands until the return is told, or if it fails
         self._remember(number, places[best], float(mean[best]))
         return places[best]
-
-    def _cloud(self) -> np.ndarray:
-        """Places (n, d), uniform in the ball within reach."""
-        d = self._start.size
-        directions = self._rng.standard_normal((PLACES, d))
-        sizes = self._reach * self._root * self._rng.random((PLACES, 1)) ** (1 / d)
-        return sizes * directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
     def _posterior(self) -> BlurredNoise:
         """The process for all records; after a new record its error moves at most one step of
@@ -374,10 +362,10 @@ class Sharpening(NicheSearch):
     def _policy_state(self) -> dict:
         return {
             **super()._policy_state(),
-            "niche": self._niche.state(),
-            "star": [place.tolist() for place in self._star],
-            "probed": [[number, place.tolist(), earned] for number, place, earned in self._probed],
-            "records": [[number, place.tolist(), *rest] for number, place, *rest in self._records],
+            "niche": vars(self._niche),
+            "star": self._star,
+            "probed": self._probed,
+            "records": self._records,
         }
 
     @classmethod
@@ -385,7 +373,7 @@ class Sharpening(NicheSearch):
         cls, state: dict, settings: SearchSettings, rng: np.random.Generator
     ) -> Sharpening:
         search = super()._from_policy_state(state, settings, rng)
-        search._niche = Niche.from_state(state["niche"])
+        search._niche = Niche(**state["niche"])
         search._star = [np.array(place) for place in state["star"]]
         search._probed, search._records = (
             [(number, np.array(place), *rest) for number, place, *rest in state[name]]

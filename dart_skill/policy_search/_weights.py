@@ -21,9 +21,8 @@ from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count, as_finite
 
-CONTRAST = (
-    10.0  # "exponential": the worst of the best M has exp(-10) times the weight of the best one
-)
+CONTRAST = 10.0
+"""Exponent of "exponential": the worst of the best M has exp(-10) times the weight of the best."""
 
 
 def check_weighting(weighting: str) -> None:

@@ -7,9 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from dart_skill.policy_search import Niches, PoWER
-from dart_skill.policy_search._gaussian_process import FIRST, Surrogate
-from dart_skill.policy_search._niche import Niche, forecast
+from dart_skill.policy_search import Niche, Niches, PoWER, Surrogate, forecast
 
 SEEDS = range(5)
 LEFT, RIGHT = np.array([-0.4, -0.2]), np.array([1.1, 0.9])
@@ -243,7 +241,7 @@ def test_the_draws_of_a_niche_have_the_covariance_of_its_radius():
 def test_the_surrogate_is_the_posterior_of_a_gaussian_process():
     rng = np.random.default_rng(0)
     points, values, ages = rng.normal(size=(12, 2)), rng.normal(size=12), rng.uniform(0, 2, 12)
-    surrogate = Surrogate(points, values, ages, np.ones(12), FIRST)
+    surrogate = Surrogate(points, values, ages, np.ones(12))
     places = rng.normal(size=(3, 2))
     everything, when = np.vstack([points, places]), np.concatenate([ages, np.zeros(3)])
     squares = np.square(everything[:, None] - everything).sum(axis=2)
@@ -269,12 +267,12 @@ def test_what_the_surrogate_saw_of_broad_hills_tells_less_of_sharp_ones():
         np.ones(3),
     )
     sharp, broad = (
-        Surrogate(points, values, 0 * ones, ones, FIRST, lengths, 0.35)
+        Surrogate(points, values, 0 * ones, ones, lengths=lengths, now=0.35)
         for lengths in (0.35 * ones, 1.4 * ones)
     )
     assert sharp.predict(points)[1].max() < 0.1 * sharp.relief
     left = np.sqrt(1 - (2 * 4 / (1 + 16)) ** 4)
-    far = Surrogate(100 * points, values, 0 * ones, ones, FIRST, 1.4 * ones, 0.35)
+    far = Surrogate(100 * points, values, 0 * ones, ones, lengths=1.4 * ones, now=0.35)
     np.testing.assert_allclose(far.predict(100 * points)[1], left * far.relief, rtol=1e-3)
     assert broad.predict(points)[1].min() > 0.5 * broad.relief
 
@@ -284,7 +282,7 @@ def test_the_covariance_of_the_surrogate_is_positive_whatever_the_lengths():
     for d in (1, 2, 5):
         points, lengths = rng.normal(size=(60, d)), rng.uniform(0.1, 2, 60)
         surrogate = Surrogate(
-            points, rng.normal(size=60), np.zeros(60), np.ones(60), FIRST, lengths, 0.5
+            points, rng.normal(size=60), np.zeros(60), np.ones(60), lengths=lengths, now=0.5
         )
         squares = np.square(points[:, None] - points).sum(axis=2)
         kernel = surrogate._kernel(squares, lengths[:, None])
@@ -331,8 +329,7 @@ def test_the_surrogate_forgets_what_is_old():
     points, values = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 3.0]]), np.array([5.0, -1.0, 0.0])
     place = points[:1]
     new, old = (
-        Surrogate(points, values, np.array([age, 0.0, 0.0]), np.ones(3), FIRST)
-        for age in (0.0, 20.0)
+        Surrogate(points, values, np.array([age, 0.0, 0.0]), np.ones(3)) for age in (0.0, 20.0)
     )
     assert (
         new.predict(place)[0] == pytest.approx(5.0, abs=0.1)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 import scipy
 
-from dart_skill.policy_search import PoWER, Sharpening
-from dart_skill.policy_search._gaussian_process import BlurredNoise
+from dart_skill.policy_search import BlurredNoise, PoWER, Sharpening
 
 SEEDS = range(3)
 BROAD, SHARP = np.array([-0.5, -0.3]), np.array([0.9, 0.7])
