@@ -26,7 +26,7 @@ from dart_skill.skills.learning import (
     save_model,
 )
 from dart_skill.skills.observation import judge_flight
-from dart_skill.skills.practice import PractisingSkill, Steadiness
+from dart_skill.skills.practice import PractisingSkill
 from tests.unit.board_points import in_world
 
 BOARD = Board()
@@ -375,8 +375,8 @@ def test_a_model_file_knows_that_it_is_about_darts(arm, tmp_path):
 # when to let go
 
 
-def steadiness_of(lates, slope=(0.0, 0.0)):
-    steadiness = Steadiness(game_at(BOARD.position))
+def steadiness_of(arm, lates, slope=(0.0, 0.0)):
+    steadiness = PractisingSkill(arm[1], CONFIGURATION).steadiness
     for k, late in enumerate(lates):
         # two kinds of throws, each with its own repeatable miss
         common = np.array([0.01, -0.02]) * (k % 2)
@@ -384,17 +384,17 @@ def steadiness_of(lates, slope=(0.0, 0.0)):
     return steadiness
 
 
-def test_the_slope_of_what_a_plan_does_not_explain_is_found_for_all_kinds_of_throws_together():
-    steadiness = steadiness_of(np.random.default_rng(5).normal(0.0, 0.004, 60), (0.3, -0.8))
+def test_the_slope_of_what_a_plan_does_not_explain_is_found_for_all_kinds_of_throws_together(arm):
+    steadiness = steadiness_of(arm, np.random.default_rng(5).normal(0.0, 0.004, 60), (0.3, -0.8))
     np.testing.assert_allclose(steadiness.slopes, [0.3, -0.8], rtol=0.15)
-    assert not Steadiness().slopes.any()
+    assert not steadiness_of(arm, []).slopes.any()
 
 
 def test_scatter_is_that_of_hits_after_such_releases(arm):
     game, plan = game_at(BOARD.position), arm[2].plan(in_world(FACE, [0.0, 0.0]))
     # between whole milliseconds the scatter is interpolated
     lates = np.random.default_rng(6).normal(0.001, 0.004, 80).round(3)
-    rms, middle = steadiness_of(lates).scatter(plan, np.array([-0.004, 0.0]))
+    rms, middle = steadiness_of(arm, lates).scatter(plan, np.array([-0.004, 0.0]))
     for k, shift in enumerate((-0.004, 0.0)):
         hits = np.array(
             [landing_if_late(plan, shift + late, game) for late in lates]
@@ -405,7 +405,7 @@ def test_scatter_is_that_of_hits_after_such_releases(arm):
 
 def test_the_steadiest_release_scatters_less_than_the_demonstrated_one(arm):
     skill, target = arm[2], in_world(FACE, [0.0, 0.0])
-    steadiness = steadiness_of(np.random.default_rng(7).normal(0.0, 0.004, 80))
+    steadiness = steadiness_of(arm, np.random.default_rng(7).normal(0.0, 0.004, 80))
 
     def plan_for(shift):
         return skill.releasing(shift).plan(target)
@@ -421,8 +421,8 @@ def test_the_steadiest_release_scatters_less_than_the_demonstrated_one(arm):
     assert abs(steadiness.steadiest(plan_for, 0.0, 0.003)[0]) <= 0.003 + 1e-9
 
 
-def test_a_release_that_nobody_saw_tells_nothing():
-    steadiness = Steadiness()
+def test_a_release_that_was_not_seen_tells_nothing(arm):
+    steadiness = steadiness_of(arm, [])
     steadiness.add("throw", np.nan, np.zeros(2))
     steadiness.add("throw", 0.001, np.array([np.nan, 0.0]))
     assert len(steadiness) == 0

@@ -170,7 +170,11 @@ def test_a_map_says_how_many_and_has_the_left_of_the_arm_on_its_left(tmp_path):
 
     def x(text):
         place = texts[text].get("transform", "")
-        return float(place.split("translate(")[1].split()[0]) if place else float(texts[text].get("x"))
+        return (
+            float(place.split("translate(")[1].split()[0])
+            if place
+            else float(texts[text].get("x"))
+        )
 
     assert x("2.0") < x("5.0"), "the throw at 55 degrees to the left, and the one straight ahead"
 

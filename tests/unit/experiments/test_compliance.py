@@ -52,9 +52,7 @@ def test_the_force_is_the_inertia_of_the_hand_times_stiffness_times_way(plans):
     """
     model = ArmModel(ball_in_hand=True)
     jacobian = model.jacobian(POSTURE)
-    inertia = np.linalg.inv(
-        jacobian @ np.linalg.solve(model.mass_matrix(POSTURE), jacobian.T)
-    )
+    inertia = np.linalg.inv(jacobian @ np.linalg.solve(model.mass_matrix(POSTURE), jacobian.T))
     for axis in np.eye(3):
         expected = np.linalg.norm((inertia @ np.append(-GRABBED * 200.0 * axis, np.zeros(3)))[:3])
         assert force_of(plans["200"], 0.3, axis) == pytest.approx(expected, rel=1e-6)
