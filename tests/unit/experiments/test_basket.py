@@ -169,12 +169,8 @@ def test_a_map_says_how_many_and_has_the_left_of_the_arm_on_its_left(tmp_path):
         assert part in said, part
 
     def x(text):
-        place = texts[text].get("transform", "")
-        return (
-            float(place.split("translate(")[1].split()[0])
-            if place
-            else float(texts[text].get("x"))
-        )
+        place = texts[text].get("x") or texts[text].get("transform").partition("translate(")[2]
+        return float(place.split()[0])
 
     assert x("2.0") < x("5.0"), "the throw at 55 degrees to the left, and the one straight ahead"
 

@@ -23,7 +23,7 @@ def test_a_miss_is_told_in_the_direction_of_the_throw_and_to_its_left():
 
 
 def test_fingers_that_never_scatter_put_every_ball_in():
-    assert best_share(HAND, RIM, 0.0, 0.0, 0.01) == 1.0
+    assert best_share(HAND, RIM, 0.0, 0.0, 0.01, elevations=np.array([10.0, 40.0])) == 1.0
 
 
 @pytest.mark.slow
