@@ -17,7 +17,12 @@ from dart_skill.mixture import GaussianMixture
 
 CASES = ((15, 8), (30, 8), (60, 8), (200, 8), (1000, 8), (15, 2), (60, 2))
 """Samples and dimensions."""
-COMPONENTS, STARTS, HELD_OUT = 3, 3, 1000
+COMPONENTS = 3
+"""Number of components of the true mixture, and of the fitted ones."""
+STARTS = 3
+"""Number of starts of EM."""
+HELD_OUT = 1000
+"""Number of samples on which a mixture is judged."""
 
 
 def main() -> None:

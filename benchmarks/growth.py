@@ -26,7 +26,10 @@ import numpy as np  # noqa: E402
 
 from dart_skill.movement import DSGMR, TaskFrame  # noqa: E402
 
-N_STEPS, N_ITERATIONS = 200, 20
+N_STEPS = 200
+"""Number of samples of a demonstration."""
+N_ITERATIONS = 20
+"""Number of iterations of EM."""
 USUAL = {"demonstrations": 13, "frames": 2, "components": 5, "dimensions": 6}
 GROWN = {
     "demonstrations": (5, 10, 20, 50, 100, 200, 500, 1000, 2000),

@@ -45,8 +45,14 @@ try:
 except ImportError:
     Peer = None
 
-N_STEPS, BLOCK_SECONDS, LARGEST_DIFFERENCE = 200, 5e-3, 1e-6
+N_STEPS = 200
+"""Number of samples of a movement."""
+BLOCK_SECONDS = 5e-3
+"""Duration of a block of repetitions, about [s]."""
+LARGEST_DIFFERENCE = 1e-6
+"""Largest difference of two results that count as the same."""
 MOST_MEGABYTES = 40.0
+"""Largest memory of the large EM [MB]."""
 
 
 @dataclass(frozen=True)

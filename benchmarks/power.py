@@ -40,7 +40,10 @@ try:
 except ImportError:
     cma = None
 
-SPREAD, BUDGET = 0.5, 6000
+SPREAD = 0.5
+"""Standard deviation of the first trials."""
+BUDGET = 6000
+"""Largest number of trials."""
 ROTATION = np.linalg.qr(np.random.default_rng(7).normal(size=(5, 5)))[0]
 
 
@@ -196,7 +199,10 @@ def table_of_noise(methods, n_seeds, budgets=(300, 1000), noise=0.1):
 # --- movement primitives
 # -----------------------------------------------------------------------------------------
 
-N_STEPS, N_BASIS = 100, 10
+N_STEPS = 100
+"""Number of steps of the movement."""
+N_BASIS = 10
+"""Number of basis functions."""
 PROGRESS = np.linspace(0, 1, N_STEPS)
 KERNELS = np.exp(-0.5 * ((PROGRESS[:, None] - np.linspace(0, 1, N_BASIS)) * N_BASIS / 0.6) ** 2)
 ACTIVATIONS = KERNELS / KERNELS.sum(axis=1, keepdims=True)

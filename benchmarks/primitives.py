@@ -29,7 +29,14 @@ try:
 except ImportError:
     DMP = None
 
-N_STEPS, N_JOINTS, N_WEIGHTS, DURATION = 1000, 7, 50, 1.0
+N_STEPS = 1000
+"""Number of samples of a movement."""
+N_JOINTS = 7
+"""Number of joints."""
+N_WEIGHTS = 50
+"""Number of weights of each joint."""
+DURATION = 1.0
+"""Duration of a movement [s]."""
 # Least ratios of time, and the largest ratio of the errors of reproduction.
 TARGETS = {"imitate": 4.0, "open loop": 12.0, "1000 steps": 1.5}
 ERROR_TARGET = 0.1

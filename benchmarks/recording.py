@@ -38,7 +38,12 @@ from dart_skill.recording import (
     typestore,
 )
 
-START_NS, STEP_NS, MOST_STALL_MS = 1_700_000_000_000_000_000, 2_000_000, 5.0
+START_NS = 1_700_000_000_000_000_000
+"""Time of the first message [ns]."""
+STEP_NS = 2_000_000
+"""Time between two messages of a topic [ns]."""
+MOST_STALL_MS = 5.0
+"""Longest time for which a writer may be kept waiting [ms]."""
 TYPES = typestore()
 
 

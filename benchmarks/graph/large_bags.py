@@ -28,10 +28,12 @@ from dart_skill.common.constants import REMEMBERED
 
 BAG = Path(__file__).parents[2] / "bags" / "demonstrations"
 GIGABYTE = 1_000_000_000
-BEGIN, PERIOD, END = 10_000, 68, 100_000
-"""The clock of a bag begins there, a repetition takes so long, and all stamps have as many digits
-up to there [s].
-"""
+BEGIN = 10_000
+"""Time at which the clock of a bag begins [s]."""
+PERIOD = 68
+"""Duration of a repetition [s]."""
+END = 100_000
+"""Time up to which all stamps have the same number of digits [s]."""
 DIGITS = 14
 """Of a stamp in the id of a demonstration."""
 ONCE = "/robot_description", "/tf_static"

@@ -30,7 +30,10 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from dart_skill.recording import BagReader, serialize, types_for  # noqa: E402
 from dart_skill_nodes.comms.qos import COMPLETE, message_class  # noqa: E402
 
-POSE, PERIOD_NS = "geometry_msgs/msg/PoseStamped", 2_000_000
+POSE = "geometry_msgs/msg/PoseStamped"
+"""Type of the poses."""
+PERIOD_NS = 2_000_000
+"""Time between two states of the arm [ns]."""
 TOPICS = {
     "/joint_states": ("sensor_msgs/msg/JointState", 1),
     "/wam/command": ("dart_skill_msgs/msg/WamCommand", 1),

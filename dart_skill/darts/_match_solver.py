@@ -52,9 +52,7 @@ BUST = NO_BUST_THREE
 """Column of the tables of a turn in which a bust finds its value."""
 
 
-def solve_game(
-    mine: Fixed | Best, theirs: Fixed | Best, guess: np.ndarray | None = None
-) -> None:
+def solve_game(mine: Fixed | Best, theirs: Fixed | Best, guess: np.ndarray | None = None) -> None:
     """Fills `left` of both sides, which may be the same.
 
     Parameters

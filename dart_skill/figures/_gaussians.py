@@ -54,11 +54,12 @@ NAMES = {
         "target frame, turned likewise (target at 0)",
     ),
 }
-WORLD_AXES, TURNED_AXES, POINTING_AXES = (
-    ("x", "y", "z"),
-    ("forward", "left", "up"),
-    ("towards the target", "left", "upwards across"),
-)
+WORLD_AXES = ("x", "y", "z")
+"""Names of the axes of the world."""
+TURNED_AXES = ("forward", "left", "up")
+"""Names of the axes of a frame that is turned about the vertical."""
+POINTING_AXES = ("towards the target", "left", "upwards across")
+"""Names of the axes of a frame whose first axis points to the target."""
 AxisNames = tuple[str, str, str]
 AXES: dict[tuple[str, ...], tuple[AxisNames, AxisNames]] = {
     ("base", "target"): (WORLD_AXES, POINTING_AXES),
@@ -153,9 +154,7 @@ def gaussians_figure(skill: ThrowingSkill, narrow: bool = False) -> Figure:
             _draw_view(axes, view, plane, shades, f"frame{number}_{side}")
             axes.set_title(f"{view.name}\nfrom {'the side' if side == 'side' else 'above'}")
     letter_panels(*(grid.T if narrow else grid).ravel())
-    instant = (
-        "release" if skill.configuration.alignment == "release" else "start of the motion"
-    )
+    instant = "release" if skill.configuration.alignment == "release" else "start of the motion"
     colour_bar(figure, shades, f"time of the component since the {instant} [s]", narrow)
     handles, labels = grid[0, 0].get_legend_handles_labels()
     legend_below(figure, handles, labels, len(labels), narrow)

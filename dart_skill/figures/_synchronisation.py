@@ -127,9 +127,7 @@ def demonstrated_motions(
 
 
 @house_style()
-def synchronisation_figure(
-    motions: Sequence[DemonstratedMotion], narrow: bool = False
-) -> Figure:
+def synchronisation_figure(motions: Sequence[DemonstratedMotion], narrow: bool = False) -> Figure:
     """The figure.
 
     Parameters
@@ -222,9 +220,7 @@ def _curve(
         )
 
 
-def _describe(
-    axes: Axes, motions: Sequence[DemonstratedMotion], aligned: bool
-) -> None:
+def _describe(axes: Axes, motions: Sequence[DemonstratedMotion], aligned: bool) -> None:
     for marker, name in EVENTS.values():
         axes.plot([], [], marker, color="white", markeredgecolor=BLACK, markersize=5.5, label=name)
     axes.axhline(

@@ -72,9 +72,7 @@ def draw_3_1(seed: int = 0, candidates: Sequence[int] = range(1, 11)) -> tuple[F
     add_gaussians(fitted, mixture.means_, mixture.covariances_, DEVIATIONS, **look)
     fitted.plot(*mixture.means_.T, "o", color=BLACK, markersize=4)
     band = DEVIATIONS * deviation
-    retrieved.fill_between(
-        grid, mean - band, mean + band, color=GAUSSIAN, alpha=0.35, linewidth=0
-    )
+    retrieved.fill_between(grid, mean - band, mean + band, color=GAUSSIAN, alpha=0.35, linewidth=0)
     retrieved.plot(grid, mean, color=BLACK)
     shown.set(title=f"Demonstrations, n = {N_SHOWN}", xlabel="x1 [1]", ylabel="x2 [1]")
     chosen = f"Mixture, K = {selection.best} (lowest BIC of 1 to {candidates[-1]})"

@@ -171,9 +171,7 @@ def draw_6_5(seed: int = 0) -> tuple[Figure, dict]:
     }
 
 
-def draw_6_6(
-    seed: int = 0, lowest: float = 1.0, highest: float = 100.0
-) -> tuple[Figure, dict]:
+def draw_6_6(seed: int = 0, lowest: float = 1.0, highest: float = 100.0) -> tuple[Figure, dict]:
     """Measured: jumps [mm], and best aims [mm] at both ends of the range. The same for every seed:
     there is nothing random in it.
     """

@@ -305,9 +305,7 @@ def draw_7_4(seed: int = 0) -> tuple[Figure, dict]:
     }
 
 
-def _draw_components(
-    axes: Axes, means: np.ndarray, covariances: np.ndarray, alpha: float
-) -> None:
+def _draw_components(axes: Axes, means: np.ndarray, covariances: np.ndarray, alpha: float) -> None:
     look = {"facecolor": GAUSSIAN, "edgecolor": GAUSSIAN, "alpha": alpha, "zorder": 1.5}
     add_gaussians(axes, means[:, 1:], covariances[:, 1:, 1:], 2.0, **look)
 

@@ -235,7 +235,10 @@ def regret_tasks(
 
 
 def draw_regrets(
-    seed: int = 0, n_seeds: int = 20, methods: Sequence[str] = tuple(METHODS), folder: Path = Path()
+    seed: int = 0,
+    n_seeds: int = 20,
+    methods: Sequence[str] = tuple(METHODS),
+    folder: Path = Path(),
 ) -> tuple[Figure, dict]:
     folder.mkdir(parents=True, exist_ok=True)
     tasks = regret_tasks(seed, n_seeds, methods)

@@ -28,15 +28,20 @@ SIZE = "790 MB"
 VARIABLE = "DART_SKILL_RERUN"
 ENVIRONMENT = ".venv-rerun"
 LAYOUT = Path(__file__).with_name("_blueprint.py")
-HOST, RERUN_PORT = "127.0.0.1", 9090
+HOST = "127.0.0.1"
 """Address of the page."""
+RERUN_PORT = 9090
+"""Port of the page."""
 QUIET_LOG = "info,re_sdk::web_viewer=warn"
 """What Rerun writes: not the address of its own web server, whose page is not kept from asking
 elsewhere.
 """
 DATED_NS = 10**18
 """Stamps from 2001-09-09 on are dates [ns]; a simulated world begins at zero."""
-POSE, STATE = "geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/JointState"
+POSE = "geometry_msgs/msg/PoseStamped"
+"""Type of the poses."""
+STATE = "sensor_msgs/msg/JointState"
+"""Type of the states of the joints."""
 
 
 class RerunUnavailable(RuntimeError):
@@ -252,13 +257,8 @@ def write_layouts(rerun: Path, shown: BagLayout, folder: Path) -> list[Path]:
     written = []
     for number, file in enumerate(shown.files):
         output = folder / f"layout_{number}.rbl"
-        made = subprocess.run(
-            [str(python), "-I", str(LAYOUT), str(output), shown.of(file)],
-            capture_output=True,
-            text=True,
-        )
-        if made.returncode or not output.is_file():
-            last = (made.stderr.strip().splitlines() or ["no output"])[-1]
+        last = _complaint([str(python), "-I", str(LAYOUT), str(output), shown.of(file)], output)
+        if last:
             raise RerunUnavailable(
                 f"{python} made no layout ({last}): is rerun-sdk {VERSION} installed there?"
             )
@@ -290,19 +290,23 @@ def with_durations(
     for file in shown.files:
         output = folder / f"{file.stem}.rrd"
         names = ["--application-id", file.stem, "--timeline-type", "duration", "-o", str(output)]
-        made = subprocess.run(
-            [str(rerun), "mcap", "convert", str(file), *names],
-            env=dict(environment),
-            capture_output=True,
-            text=True,
-        )
-        if made.returncode or not output.is_file():
-            last = (made.stderr.strip().splitlines() or ["no output"])[-1]
+        last = _complaint([str(rerun), "mcap", "convert", str(file), *names], output, environment)
+        if last:
             raise RerunUnavailable(
                 f"{rerun} did not convert {file} ({last}): is it rerun-sdk {VERSION}?"
             )
         written.append(output)
     return written
+
+
+def _complaint(
+    command: Sequence[str], output: Path, environment: Mapping[str, str] | None = None
+) -> str:
+    """The last line that a command says if it does not write its output; else nothing."""
+    made = subprocess.run(command, env=environment, capture_output=True, text=True)
+    if made.returncode or not output.is_file():
+        return (made.stderr.strip().splitlines() or ["no output"])[-1]
+    return ""
 
 
 class Ports(NamedTuple):

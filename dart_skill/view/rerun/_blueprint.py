@@ -19,8 +19,16 @@ from typing import Any
 
 rr, rrb, encodings = map(import_module, ("rerun", "rerun.blueprint", "rerun.blueprint.encodings"))
 
-BALL, BASKET, GREY, SKY = (213, 94, 0), (0, 114, 178), (119, 119, 119), (86, 180, 233)
+BALL = (213, 94, 0)
+"""Colour of the ball."""
+BASKET = (0, 114, 178)
+"""Colour of the basket."""
+GREY = (119, 119, 119)
+"""Colour of the first coordinate of a pose."""
+SKY = (86, 180, 233)
+"""Colour of the second coordinate of a pose."""
 LIGHT = (187, 187, 187)
+"""Colour of the pedestal."""
 JOINTS = (BASKET, (230, 159, 0), (0, 158, 115), BALL, (204, 121, 167), SKY, GREY)
 """A joint has one colour in all plots, on a light page and on a dark one."""
 MOUNT_RADIUS = 0.12

@@ -48,9 +48,9 @@ def test_a_turn_has_three_darts_and_a_bust_ends_it():
     assert (leg.darts_left, leg.turn_start, leg.remaining) == (3, 40, 40) and leg.darts[-1].bust
 
 
-def test_a_dart_that_nobody_saw_scores_nothing():
+def test_a_dart_that_was_not_seen_scores_nothing():
     leg = LegInPlay(40)
-    assert leg.lost("nobody saw it").points == 0
+    assert leg.lost("it was not seen").points == 0
     assert (leg.remaining, leg.darts_left) == (40, 2)
 
 

@@ -358,7 +358,7 @@ def test_the_basket_is_drawn_to_scale_from_the_side(plan):
     assert size[1] / size[0] == pytest.approx(0.35 / 0.30, rel=1e-3)
 
 
-def test_a_throw_whose_ball_nobody_saw_is_drawn_without_it(plan):
+def test_a_throw_whose_ball_was_not_seen_is_drawn_without_it(plan):
     recording = replace(
         recording_of(plan, np.zeros(3)),
         ball_stamps=np.empty(0, dtype=np.int64),
@@ -445,7 +445,7 @@ def test_a_landing_too_far_and_to_the_left_is_drawn_above_and_left_of_the_centre
     assert place == pytest.approx([-0.10, -0.05], abs=1e-4), "in the SVG, y points down"
 
 
-@pytest.mark.parametrize("throws", [(), (UNSEEN,)], ids=["no throws", "nobody saw a landing"])
+@pytest.mark.parametrize("throws", [(), (UNSEEN,)], ids=["no throws", "no landing was seen"])
 def test_landings_without_a_landing_still_shows_the_baskets(throws):
     drawing = Drawing(landings_figure(throws, DEMONSTRATED))
     assert drawing.count(r"demonstrated_\d+") == 3 and drawing.count(r"thrown_\d+") == len(throws)

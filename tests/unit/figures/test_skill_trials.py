@@ -79,7 +79,7 @@ def test_what_was_not_shown_and_not_tried_is_refused():
     )
 
 
-def test_a_trial_whose_error_nobody_knows_has_its_mark_in_the_panel():
+def test_a_trial_of_unknown_error_has_its_mark_in_the_panel():
     errors = trials_figure(TRIED, Put(), shown()).axes[2]
     left, right = errors.get_xlim()
     assert all(left < text.get_position()[0] < right for text in errors.texts)

@@ -456,7 +456,7 @@ def test_what_is_neither_split_nor_merged_keeps_its_path():
     assert len({part["label"] for part in before + after}) == 4
 
 
-def test_trials_of_a_component_that_is_gone_are_told_to_nobody():
+def test_trials_of_a_component_that_is_gone_are_not_learned_from():
     search = self_sized(2, batch=2)
     trials = [search.ask() for _ in range(4)]
     search._policy.replace(

@@ -39,7 +39,7 @@ def test_a_client_gets_the_channels_of_a_bag_and_its_messages(server):
         try:
             client.hear_until(lambda: there <= set(client.channels))
             assert client.info["name"] == "dart_skill" and client.info["capabilities"] == [], (
-                "nobody can send it anything"
+                "clients can send nothing"
             )
             channel = client.channels["/vrpn_mocap/ball/pose"]
             assert (channel["schemaName"], channel["encoding"], channel["schemaEncoding"]) == (

@@ -534,7 +534,7 @@ def test_a_visitor_is_told_what_to_press_and_there_is_room_for_it(page, scene):
     assert labels[:2] == ["Stop", "Reset after a stop"], "above whatever may change"
 
 
-def test_whoever_comes_to_a_model_is_not_told_to_teach_first(page, scene):
+def test_a_page_of_a_learned_skill_does_not_ask_for_lessons_first(page, scene):
     """A graph that was started with a model said "Press Teach"; what goes on is not written over."""
     page.wait_for(lambda: page.says("Press Teach"), what="the first words")
     scene.panel.welcome_a_model()
@@ -689,7 +689,7 @@ def test_only_who_has_the_token_is_let_in():
         server.stop()
 
 
-def test_nobody_gets_a_public_address(server):
+def test_there_is_no_public_address(server):
     assert server.request_share_url() is None
 
 

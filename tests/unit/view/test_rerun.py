@@ -565,7 +565,7 @@ def test_rerun_serves_our_bag_with_its_layout_on_this_machine_alone(rerun, tmp_p
 
 
 def _fetched(url, process, patience=60.0):
-    """A page, as soon as somebody serves it."""
+    """A page, as soon as it is served."""
     until = time.monotonic() + patience
     while True:
         assert process.poll() is None and time.monotonic() < until

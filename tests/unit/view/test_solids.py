@@ -108,7 +108,7 @@ def test_a_scene_shows_the_bodies_of_its_skill(server, name):
         scene.move_body("basket", np.zeros(3), turned)
 
 
-def test_a_skill_of_somebody_else_needs_no_solids(server):
+def test_a_foreign_skill_needs_no_solids(server):
     class Press(Skill):
         name, bodies = "press", ("button",)
 
