@@ -145,7 +145,7 @@ def leg_figure(policy: LegPolicy) -> Figure:
     figure.colorbar(image, ax=board, label="remaining score [points]", shrink=0.8)
     board.set_title("Where the first dart of a turn is aimed")
     letter_panels(curve, board)
-    legend_below(figure, *board.get_legend_handles_labels(), 2)
+    legend_below(figure, *board.get_legend_handles_labels(), columns=2)
     return figure
 
 

@@ -103,8 +103,8 @@ class Niche:
     def __post_init__(self) -> None:
         self.centre = np.array(self.centre, dtype=float)
         self.hessian = np.array(self.hessian, dtype=float)
-        self.trials = [(number, np.array(place), *rest) for number, place, *rest in self.trials]
-        self.visits = [tuple(visit) for visit in self.visits]
+        self.trials = [(k, np.array(place), seen, now) for k, place, seen, now in self.trials]
+        self.visits = [(clock, value, error) for clock, value, error in self.visits]
 
     @property
     def known(self) -> bool:

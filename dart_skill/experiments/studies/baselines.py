@@ -168,8 +168,8 @@ class RandomRestarts(PoWER):
     @property
     def optima(self) -> tuple[np.ndarray, np.ndarray]:
         """Results (n, d) of the finished runs, and the mean returns (n,) of their last batches."""
-        places, values = ([found[part] for found in self._found] for part in (0, 1))
-        return np.reshape(places, (-1, self._origin.size)), np.array(values)
+        places = np.reshape([place for place, _ in self._found], (-1, self._origin.size))
+        return places, np.array([value for _, value in self._found])
 
     @property
     def parameters(self) -> np.ndarray:

@@ -204,8 +204,8 @@ def handwriting(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score
     positions = [one.position for one in demonstrations]
     clock, paths = _on_one_clock(demonstrations[:N_TRAIN], positions)
     policy = _driven_by_state(clock, paths[:N_TRAIN])
-    methods = {"AutonomousDSGMR": partial(_until_rest, policy, clock[-1])}
-    methods |= _driven_by_time(clock, paths[:N_TRAIN])
+    own: dict[str, Reproduce] = {"AutonomousDSGMR": partial(_until_rest, policy, clock[-1])}
+    methods = own | _driven_by_time(clock, paths[:N_TRAIN])
     first, *others = _scores("handwriting", name, methods, paths, _warped)
     return [replace(first, arrived=_arrived(policy, paths, clock[-1])), *others]
 
@@ -255,8 +255,9 @@ def _arrived(policy: AutonomousPolicy, paths: list[np.ndarray], duration: float)
     every, goal = np.vstack(paths), np.mean([path[-1] for path in paths[:N_TRAIN]], axis=0)
     axes = np.linspace(every.min(axis=0), every.max(axis=0), 5).T
     starts = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, len(axes))
-    still, how = np.zeros(len(axes)), {"step": 0.02, "duration": PATIENCE * duration}
-    ends = np.array([policy.run(start, still, **how).position[-1] for start in starts])
+    still, last = np.zeros(len(axes)), PATIENCE * duration
+    runs = [policy.run(start, still, step=0.02, duration=last) for start in starts]
+    ends = np.array([run.position[-1] for run in runs])
     return float(np.mean(np.linalg.norm(ends - goal, axis=1) < NEAR))
 
 
@@ -336,7 +337,7 @@ def poses(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score]:
     """The methods on one set of a led arm with orientations: those on positions, and those on
     poses.
     """
-    rows = [np.column_stack([one.position, one.orientation]) for one in demonstrations]
+    rows = [np.column_stack([one.position, np.array(one.orientation)]) for one in demonstrations]
     clock, paths = _on_one_clock(demonstrations[:N_TRAIN], rows)
     for path in paths:
         path[:, 3:] /= np.linalg.norm(path[:, 3:], axis=1, keepdims=True)
@@ -359,8 +360,7 @@ def poses(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score]:
         methods["CartesianDMP, nearest"] = _nearest_peer("CartesianDMP", clock, shown, w_first)
     scores = [replace(one, kind="poses") for one in led(name, demonstrations)]
     for one in _scores("poses", name, methods, paths, _position_distance):
-        made = [methods[one.method](path[0])[:, 3:] for path in paths]
-        pairs = [(turned, path[:, 3:]) for turned, path in zip(made, paths, strict=True)]
+        pairs = [(methods[one.method](path[0])[:, 3:], path[:, 3:]) for path in paths]
         turned = float(np.mean([mean_angle(*pair) for pair in pairs[N_TRAIN:]]))
         worst = max(angles_between(*pair).max() for pair in pairs[:N_TRAIN])
         scores.append(replace(one, turned=turned, worst=float(np.degrees(worst))))
