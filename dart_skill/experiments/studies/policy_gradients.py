@@ -271,7 +271,8 @@ class Reinforce(VectorSearch):
                 f" {self._learning_rate:g}, and leaves all numbers: lower it for returns of this"
                 " size, or choose step 'normalised'"
             )
-        self._mean, (low, high) = mean, self.settings.limits
+        self._mean = mean
+        low, high = self.settings.limits
         if len(step) > d:
             # No step changes log sigma by more than the distance of the limits, so exp does not
             # overflow.

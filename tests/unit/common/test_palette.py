@@ -123,10 +123,9 @@ def test_files_of_other_viewers_have_the_colours_of_the_things():
 
 def test_the_layout_for_rerun_which_cannot_import_them_has_the_colours_of_the_things():
     text = (ROOT / "dart_skill" / "view" / "rerun" / "_blueprint.py").read_text()
-    names = re.search(r"^(BALL, BASKET, GREY, SKY) = (.*)$", text, re.MULTILINE)
-    assert eval(names.group(2)) == tuple(
-        getattr(palette, name) for name in names.group(1).split(", ")
-    )
+    for name in ("BALL", "BASKET", "GREY", "SKY"):
+        colour = re.search(rf"^{name} = (.*)$", text, re.MULTILINE)[1]
+        assert eval(colour) == getattr(palette, name), name
 
 
 def test_markers_have_the_colours_of_the_things():

@@ -374,6 +374,7 @@ MISSING = {
     "sim": [
         ("learn", str(BAGS / "demonstrations")),
         SMALL_DEMO,
+        ("experiment", "repeatability"),
         *((*SMALL_DEMO, "--skill", skill) for skill in ("darts", "place", "reach")),
     ],
     "plot": [
@@ -386,7 +387,6 @@ MISSING = {
                 "basket",
                 "practice",
                 "darts",
-                "repeatability",
                 "search",
                 "landscapes",
                 "compliance",
