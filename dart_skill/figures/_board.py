@@ -67,7 +67,8 @@ def heat_map_figure(spread: Spread, spacing: float = 1.0) -> Figure:
     said = f"sigma = {wide:.1f} and {narrow:.1f} mm along its axes"
     said = f"sigma = {spread.sigma:g} mm" if spread.is_isotropic else said
     axes.set_title(f"Expected score by aim, {said}{bias}")
-    legend_below(figure, *axes.get_legend_handles_labels(), 2)
+    handles, labels = axes.get_legend_handles_labels()
+    legend_below(figure, handles, labels, 2)
     return figure
 
 
@@ -145,7 +146,8 @@ def leg_figure(policy: LegPolicy) -> Figure:
     figure.colorbar(image, ax=board, label="remaining score [points]", shrink=0.8)
     board.set_title("Where the first dart of a turn is aimed")
     letter_panels(curve, board)
-    legend_below(figure, *board.get_legend_handles_labels(), columns=2)
+    handles, labels = board.get_legend_handles_labels()
+    legend_below(figure, handles, labels, 2)
     return figure
 
 

@@ -302,7 +302,16 @@ def _draw_cells(
             place = distance * np.array([-np.sin(azimuth), np.cos(azimuth)])
             text = f"{values[i, j]:.{int(values[i, j] < 9.95)}f}"
             box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
-            axes.text(*place, text, ha="center", va="center", fontsize=7.0, bbox=box, zorder=4)
+            axes.text(
+                place[0],
+                place[1],
+                text,
+                ha="center",
+                va="center",
+                fontsize=7.0,
+                bbox=box,
+                zorder=4,
+            )
         elif counts[i, j]:
             look = {"facecolor": LIGHT, "edgecolor": GREY, "hatch": "////", "linewidth": 0.4}
         axes.add_patch(_wedge(AZIMUTHS[i : i + 2], DISTANCES[j : j + 2], look))

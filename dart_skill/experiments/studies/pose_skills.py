@@ -105,7 +105,7 @@ class Placed:
 
 
 def teach_place(
-    session: BenchSession, rng: np.random.Generator, demonstrations: int = 8
+    session: BenchSession, skill: Place, rng: np.random.Generator, demonstrations: int = 8
 ) -> list[Demonstration]:
     """Demonstrations of parts that a person put into holders; what jams is tried again with another
     holder.
@@ -115,7 +115,6 @@ def teach_place(
     ValueError
         Where most of it does.
     """
-    skill = session.skill
     return shown(
         lambda: session.teach(skill.draw(rng).pose("holder"), skill.seat),
         demonstrations,
@@ -140,7 +139,7 @@ def place_seed(
     """
     skill, rng = configured(Place, representation), np.random.default_rng([seed, 7])
     session = BenchSession(skill, seed, arm=arm_of(arm, seed))
-    learned = LearnedSkill(skill, teach_place(session, rng, demonstrations))
+    learned = LearnedSkill(skill, teach_place(session, skill, rng, demonstrations))
     placed = []
     for _ in range(parts):
         holder = skill.draw(rng, wide=True).pose("holder")
@@ -267,13 +266,15 @@ def reach_seed(
     belts = [belt_drawn(skill, rng, wide=True) for _ in range(cups)]
     tasks = [("free", belt) for belt in belts] + [("held", belt) for belt in belts[:held]]
     tasks += [("lost", replace(belt, tunnel=TUNNEL)) for belt in belts[: min(held, 1)]]
-    reached = [_reach(session, learned.policy.guide(), seed, kind, belt) for kind, belt in tasks]
+    reached = [
+        _reach(session, skill, learned.policy.guide(), seed, kind, belt) for kind, belt in tasks
+    ]
     session.close()
     return reached
 
 
 def _reach(
-    session: BeltSession, guide: ReactiveGuide, seed: int, kind: str, belt: Belt
+    session: BeltSession, skill: Reach, guide: ReactiveGuide, seed: int, kind: str, belt: Belt
 ) -> Reached:
     holder, begun_ns = Holder(seed), None
     released = np.inf if kind == "held" else 0.0
@@ -299,7 +300,7 @@ def _reach(
     except PlanRefused as error:
         return Reached(*about, False, str(error))
     try:
-        rim, end = session.skill.distances(trial.seen)
+        rim, end = skill.distances(trial.seen)
     except ValueError:
         rim, end = NAN, NAN
     seen = trial.seen

@@ -213,8 +213,11 @@ def best_possible(results: Sequence[ThrowResult], settings: tuple[str, ...] = ()
     for one in results:
         if np.isfinite(one.let_go[0]):
             scatter = arm_with(one.arm, settings).get("wam_simulator", {})
-            scale = [float(scatter.get(name, 0.0)) for name in ("release_turn", "release_speed")]
-            shares.append(best_share(np.array(one.let_go), np.array(one.target), *scale, radius))
+            turn, speed = (
+                float(scatter.get(f"release_{name}", 0.0)) for name in ("turn", "speed")
+            )
+            places = np.array(one.let_go), np.array(one.target)
+            shares.append(best_share(*places, turn, speed, radius))
     return float(np.mean(shares)) if shares else None
 
 
@@ -310,7 +313,7 @@ def table(results: Sequence[ThrowResult]) -> str:
         why = r.note or f"{100 * r.along:+.1f} cm along, {100 * r.across:+.1f} cm across"
         lines.append(
             f"  missed: {r.configuration}, {r.arm}, seed {r.seed}, basket at"
-            f" {np.hypot(*r.target[:2]):.2f} m: {why}"
+            f" {np.hypot(r.target[0], r.target[1]):.2f} m: {why}"
         )
     lines += [f"  and {len(misses) - 20} more"] if len(misses) > 20 else []
     return "\n".join(lines)

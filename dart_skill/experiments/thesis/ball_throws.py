@@ -146,8 +146,9 @@ def _demonstrated(one: Demonstration, throw: PreparedThrow) -> DrawnThrow:
     moving = (one.hand_time >= one.motion_start) & (one.hand_time <= one.motion_stop)
     release = one.motion_start + throw.release_time - throw.start
     flying = (one.moved.time >= release) & (one.moved.position[:, 2] >= one.target[2])
-    hand = (part[moving] for part in (one.hand_time, one.hand_position, one.hand_quaternion))
-    return DrawnThrow(*hand, release, one.moved.position[flying], one.target)
+    hand = one.hand_position[moving], one.hand_quaternion[moving]
+    ball = one.moved.position[flying]
+    return DrawnThrow(one.hand_time[moving], *hand, release, ball, one.target)
 
 
 class Angles(NamedTuple):

@@ -114,7 +114,8 @@ def draw_5_1(seed: int = 0) -> tuple[Figure, dict]:
         axes.set(xlabel="first parameter [1]", aspect="equal", title=title)
     panels[0].set_ylabel("second parameter [1]")
     letter_panels(*panels)
-    legend_below(figure, *panels[0].get_legend_handles_labels(), 5)
+    handles, labels = panels[0].get_legend_handles_labels()
+    legend_below(figure, handles, labels, 5)
     return figure, {
         "return_before": round(float(reward(before[0])), 3),
         "return_after": round(float(reward(after[0])), 3),

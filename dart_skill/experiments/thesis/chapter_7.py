@@ -172,7 +172,8 @@ def draw_7_1(seed: int = 0, step: float = STEP) -> tuple[Figure, dict]:
     force.set(xlabel="time [s]", ylabel="acceleration asked for [m/s²]")
     force.set_title("What each asks for, of a unit mass")
     letter_panels(plane, force)
-    legend_below(figure, *plane.get_legend_handles_labels(), 5)
+    handles, labels = plane.get_legend_handles_labels()
+    legend_below(figure, handles, labels, 5)
     return figure, {
         name: {
             "depth_in_ball_mm": round(1000 * run.depth, 2),
@@ -234,7 +235,9 @@ def demonstrate(frames: tuple[TaskFrame, TaskFrame], rng: np.random.Generator) -
     points += [hole + 2 * above + sway[1], hole + above, hole]
     s = np.linspace(0.0, 1.0, len(STAMPS))
     s = (s**3 * (10.0 - 15.0 * s + 6.0 * s**2))[:, None]
-    weights = [1, 5, 10, 10, 5, 1] * s ** np.arange(6) * (1.0 - s) ** np.arange(5, -1, -1)
+    weights = (
+        np.array([1, 5, 10, 10, 5, 1]) * s ** np.arange(6) * (1.0 - s) ** np.arange(5, -1, -1)
+    )
     return Insertion(frames, weights @ points + rng.normal(0.0, NOISE, (len(s), 2)))
 
 

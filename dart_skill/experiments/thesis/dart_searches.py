@@ -101,7 +101,8 @@ def draw_6_2(seed: int = 0, moments: tuple[int, ...] = MOMENTS) -> tuple[Figure,
         image = _draw_moment(axes, moment, heat, highest)
     figure.colorbar(image, ax=panels, label="expected score [points per dart]", shrink=0.8)
     letter_panels(*panels)
-    legend_below(figure, *panels[0].get_legend_handles_labels(), 2)
+    handles, labels = panels[0].get_legend_handles_labels()
+    legend_below(figure, handles, labels, 2)
     return figure, {
         "components": {str(one.throws): len(one.mixture.priors_) for one in shown},
         "changes": len(changes),
@@ -121,8 +122,8 @@ def _draw_moment(axes: Axes, moment: SearchMoment, heat: HeatMap, highest: float
     axes.plot(*moment.trials.T, ".", label=label, **dots)
     shapes = moment.mixture.means_, moment.mixture.covariances_
     for colour, width in ((GREY, 3.2), ("white", 1.6)):
-        line = {"facecolor": "none", "edgecolor": colour, "linewidth": width, "zorder": 3}
-        add_gaussians(axes, *shapes, 2.0, **line)
+        line: dict[str, Any] = {"facecolor": "none", "edgecolor": colour, "linewidth": width}
+        add_gaussians(axes, *shapes, 2.0, zorder=3, **line)
     ring: dict[str, Any] = {"markerfacecolor": "white", "markeredgecolor": GREY, "markersize": 9}
     label = "Gaussian of the mixture, 2 standard deviations"
     axes.plot([], [], "o", linestyle="none", label=label, **ring)

@@ -177,7 +177,7 @@ def draw_8_1(seed: int = 0) -> tuple[Figure, dict]:
     model = learn(shown)
     made = [throw_at(model, aim) for aim in random_aims(12, rng)]
     figure = Figure(figsize=(11.6, 5.0), layout="constrained")
-    mosaic = [["demonstrated", "board"], ["reproduced", "board"]]
+    mosaic: list[Any] = [["demonstrated", "board"], ["reproduced", "board"]]
     panels = figure.subplot_mosaic(mosaic, width_ratios=(1.5, 1.0))
     demonstrated, reproduced, board = (
         panels[name] for name in ("demonstrated", "reproduced", "board")
@@ -211,7 +211,7 @@ def draw_8_2(seed: int = 0, n_aims: int = 6, n_rounds: int = 3) -> tuple[Figure,
     rounds = [attempts[n * n_aims : (n + 1) * n_aims] for n in range(n_rounds)]
     errors = [float(np.mean([1000 * throw.error for throw in some])) for some in rounds]
     figure = Figure(figsize=(10.2, 7.0), layout="constrained")
-    mosaic = [["side", "side"], ["first", "last"]]
+    mosaic: list[Any] = [["side", "side"], ["first", "last"]]
     panels = figure.subplot_mosaic(mosaic, height_ratios=(1.0, 1.8))
     side, first, last = (panels[name] for name in ("side", "first", "last"))
     _draw_side(side, shown, DEMONSTRATION, f"Demonstrations, n = {len(shown)}")
@@ -276,7 +276,7 @@ def _draw_hits(axes: Axes, throws: list[DartThrow], title: str) -> None:
     draw_board(axes, LIGHT)
     points = np.array([(throw.aim, throw.hit) for throw in throws])
     on_board = 1000.0 * np.stack([-points[..., 1], points[..., 2] - BULL_HEIGHT], axis=-1)
-    (aims, hits), dots = np.swapaxes(on_board, 0, 1), {"linestyle": "none"}
+    (aims, hits), dots = np.swapaxes(on_board, 0, 1), dict[str, Any](linestyle="none")
     axes.plot(*aims.T, "o", color=BASKET, markersize=5.0, label="aim", **dots)
     axes.plot(*hits.T, "o", color=BALL, markersize=3.0, label="hit", **dots)
     axes.set_title(title)

@@ -117,7 +117,8 @@ def draw_8_4_4(
     by_distance.set_xlabel("baskets nearer and farther by up to [m]")
     by_distance.set_title(f"All baskets within {cases[0][0]:g} degrees")
     letter_panels(by_angle, by_distance)
-    legend_below(figure, *by_distance.get_legend_handles_labels(), 4)
+    handles, labels = by_distance.get_legend_handles_labels()
+    legend_below(figure, handles, labels, 4)
     said = f"{demonstrations} lessons and {throws} throws each"
     figure.suptitle(f"Simulated teachers: {teachers}; {said}", x=0.01, ha="left")
     return figure, {

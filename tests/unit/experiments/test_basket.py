@@ -172,7 +172,7 @@ def test_a_map_says_how_many_and_has_the_left_of_the_arm_on_its_left(tmp_path):
         place = texts[text].get("x") or texts[text].get("transform").partition("translate(")[2]
         return float(place.split()[0])
 
-    assert x("2.0") < x("5.0"), "the throw at 55 degrees to the left, and the one straight ahead"
+    assert x("2.0") < x("1.0"), "throws at 55 degrees to the left and at 44 to the right"
 
 
 @pytest.mark.slow

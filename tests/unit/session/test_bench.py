@@ -26,7 +26,7 @@ def taught():
     """A session of a seed that nothing here was tuned on, and what was learned from three parts."""
     session = BenchSession(Place.configured(), seed=41)
     rng = np.random.default_rng(41)
-    shown = teach_place(session, rng, 3)
+    shown = teach_place(session, session.skill, rng, 3)
     yield session, LearnedSkill(session.skill, shown), shown, rng
     session.close()
 
