@@ -150,10 +150,12 @@ def test_the_same_seed_gives_the_same_trials():
 
 
 def test_a_saved_search_goes_on_with_the_very_same_trials(tmp_path):
-    one = learnt(search(4), two_hills, 300)
+    one = learnt(search(1), two_hills, 300)
     waiting = one.ask()
     one.save(tmp_path / "search.json")
     again = Niches.load(tmp_path / "search.json")
+    assert any(niche["visits"] for niche in one.state()["policy"]["niches"])
+    assert one.state() == again.state()
     for each in (one, again):
         each.tell(waiting.number, 1.0)
         learnt(each, two_hills, 150)
