@@ -26,7 +26,7 @@ from dart_skill.common.quaternions import (
     to_vectors,
     unit,
 )
-from dart_skill.common.rotations import of_matrices
+from dart_skill.common.quaternions import of_matrices
 
 POSITION = 0.004
 """Error of the arm's kinematics at one instant while a person pushes the arm [m]; neighbouring

@@ -2,8 +2,8 @@
 and models of poses.
 
 SciPy's `Rotation` does the same with checks, and takes two to twenty times longer for a few
-rotations. `dart_skill.movement` has functions for callers of the library (`multiply`, `rotate`,
-...), which check what they get.
+rotations. `dart_skill.movement` has functions with checks for callers of the library (`multiply`,
+`rotate`, ...).
 
 A rotation vector v turns by |v| [rad] about v. Its quaternion is (sin(|v|/2) v/|v|, cos(|v|/2)).
 """
@@ -71,28 +71,18 @@ def rotate(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     )
 
 
-def rotate_one(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """One vector (3,) turned by one unit quaternion, in a seventh of the time that `rotate` takes.
-
-    It adds in another order than `rotate`, so the last bits may differ.
-
-    Parameters
-    ----------
-    quaternion
-        (4,).
-    vector
-        (3,), any unit.
-    """
-    (x, y, z, w), (a, b, c) = quaternion.tolist(), vector.tolist()
-    p, q, r = y * c - z * b + w * a, z * a - x * c + w * b, x * b - y * a + w * c
-    return np.array(
-        [a + 2.0 * (y * r - z * q), b + 2.0 * (z * p - x * r), c + 2.0 * (x * q - y * p)]
-    )
-
-
 def matrices(quaternions: np.ndarray) -> np.ndarray:
     """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
     return np.stack([rotate(quaternions, axis) for axis in np.eye(3)], axis=-1)
+
+
+def of_matrices(matrices: np.ndarray) -> np.ndarray:
+    """Unit quaternions (n, 4) of rotation matrices (n, 3, 3); the largest of the four numbers is
+    positive.
+    """
+    from scipy.spatial.transform import Rotation  # a plan is carried out without it
+
+    return Rotation.from_matrix(matrices).as_quat()
 
 
 def from_vectors(vectors: np.ndarray) -> np.ndarray:

@@ -18,7 +18,6 @@ from dart_skill.mixture._gaussian import (
     Gaussian,
     cholesky,
     linear_combination,
-    merge,
     product,
     product_of_gaussians,
     raise_to_floor,
@@ -29,6 +28,7 @@ from dart_skill.mixture._mixture import (
     GaussianMixture,
     checked_priors,
     n_free_parameters,
+    require_enough,
 )
 from dart_skill.mixture._regression import Regression, regress, regress_each
 from dart_skill.mixture._selection import (
@@ -72,7 +72,6 @@ __all__ = [
     "masses_of",
     "maximisation",
     "mean_log_likelihood",
-    "merge",
     "n_free_parameters",
     "normalise_log",
     "product",
@@ -80,6 +79,7 @@ __all__ = [
     "raise_to_floor",
     "regress",
     "regress_each",
+    "require_enough",
     "resampled_mean_log_likelihood",
     "select_by_bic",
     "select_by_cross_validation",

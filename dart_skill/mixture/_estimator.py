@@ -1,7 +1,7 @@
 """Mixture and regression with the interface of scikit-learn's estimators, which is not imported:
 only its conventions are kept.
 
-`GaussianMixture` is a mixture: it can be made from parameters, multiplied, conditioned and saved.
+`GaussianMixture` is a mixture: it can be made from parameters, conditioned and saved.
 These two are what pipelines, searches over parameters and cross-validation of scikit-learn take.
 They are thin: `mixture_` does the work.
 
@@ -169,7 +169,7 @@ class GaussianMixtureEstimator(_Estimator):
     Attributes
     ----------
     mixture_
-        The fitted GaussianMixture, with products, conditions, marginals and `save`.
+        The fitted GaussianMixture, with marginals and `save`.
     weights_ : (K,)
         Its parameters.
     means_ : (K, d)

@@ -124,11 +124,6 @@ def upper_triangle(n_dims: int) -> tuple[np.ndarray, np.ndarray]:
     return upper, square
 
 
-def log_determinants(covariances: np.ndarray) -> np.ndarray:
-    """Logs of the determinants (...) of positive definite matrices."""
-    return 2.0 * np.log(np.diagonal(cholesky(covariances), axis1=-2, axis2=-1)).sum(-1)
-
-
 def raise_to_floor(covariances: np.ndarray, floor: float) -> np.ndarray:
     """Covariances (..., d, d) whose eigenvalues are at least `floor`: smaller ones are raised to
     it.
@@ -361,25 +356,3 @@ def moments(
     mean = shares @ means
     spread = (means - mean) * np.sqrt(shares)[:, None]
     return mean, symmetric(np.tensordot(shares, covariances, axes=1) + spread.T @ spread)
-
-
-def merge(gaussians: Sequence[Gaussian], weights: ArrayLike) -> Gaussian:
-    """The Gaussian with the mean and covariance of the mixture of several Gaussians with these
-    weights (positive, any sum).
-
-    Raises
-    ------
-    ValueError
-        For none, or for different dimensions.
-    """
-    if len(gaussians) == 0 or len({gaussian.n_dims for gaussian in gaussians}) > 1:
-        raise ValueError(
-            "gaussians must be one or more of one dimension, got"
-            f" {[gaussian.n_dims for gaussian in gaussians]}"
-        )
-    weights = as_weights(weights, len(gaussians))
-    means, covariances = (
-        [gaussian.mean for gaussian in gaussians],
-        [gaussian.covariance for gaussian in gaussians],
-    )
-    return Gaussian(*moments(weights / weights.sum(), np.stack(means), np.stack(covariances)))

@@ -7,10 +7,7 @@ sign.
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,14 +16,13 @@ from dart_skill.common.checks import (
     as_count,
     as_covariances,
     as_dims,
-    as_finite,
     as_learnable,
     as_number,
     as_samples,
     as_vector,
     as_weights,
 )
-from dart_skill.common.hyper_parameters import HyperParameters
+from dart_skill.common.hyper_parameters import Arrays, HyperParameters, SavableModel
 from dart_skill.mixture._expectation_maximisation import (
     EmSettings,
     Parameters,
@@ -46,9 +42,6 @@ from dart_skill.mixture._gaussian import (
 )
 from dart_skill.mixture._start import kmeans_start
 
-FORMAT = "dart_skill mixture 1"
-
-
 def checked_priors(priors: ArrayLike) -> np.ndarray:
     """Priors (K,), positive and with sum one; a rounding error of the sum is removed.
 
@@ -63,13 +56,6 @@ def checked_priors(priors: ArrayLike) -> np.ndarray:
     return priors / priors.sum()
 
 
-def _require_parameters(priors: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> None:
-    """ValueError unless these are the parameters of a mixture; covariances may be singular."""
-    checked_priors(priors)
-    for mean, covariance, _ in zip(as_samples(means, "means"), covariances, priors, strict=True):
-        Gaussian(mean, covariance)
-
-
 def n_free_parameters(n_components: int, n_dims: int) -> int:
     """Free parameters of one block: means and symmetric covariances.
 
@@ -82,6 +68,7 @@ def n_free_parameters(n_components: int, n_dims: int) -> int:
 
 
 def require_enough(n_samples: int, n_components: int) -> None:
+    """ValueError unless there are as many samples with weight as components."""
     if n_samples < n_components:
         raise ValueError(
             f"{n_components} components need at least as many samples with weight, got"
@@ -163,7 +150,7 @@ class EMEstimator(HyperParameters):
             )
 
 
-class GaussianMixture(EMEstimator):
+class GaussianMixture(EMEstimator, SavableModel):
     """Mixture of K Gaussians with full covariances (thesis 3.2), fitted by EM to weighted samples.
 
     After `fit`; a mixture made by `from_parameters` has the first three only:
@@ -358,11 +345,6 @@ class GaussianMixture(EMEstimator):
             -2.0 * as_weights(weights, len(log_density)) @ log_density + 2.0 * self.n_parameters
         )
 
-    def collapse(self) -> Gaussian:
-        """The Gaussian with the mean and covariance of the whole mixture."""
-        self._require_fitted()
-        return Gaussian(*moments(self.priors_, self.means_, self.covariances_))
-
     def marginal(self, dims: ArrayLike) -> GaussianMixture:
         """Mixture over some dimensions, in the order in which they are named.
 
@@ -375,68 +357,6 @@ class GaussianMixture(EMEstimator):
         return self._made(
             self.priors_, self.means_[:, dims], self.covariances_[:, dims[:, None], dims]
         )
-
-    def condition(self, dims: ArrayLike, values: ArrayLike) -> GaussianMixture:
-        """(3.5): mixture of the other dimensions, in ascending order, given x[dims] = values.
-
-        A component is left out if it is so far from the values that its prior is zero.
-        """
-        dims, rest = split_dims(dims, self.n_dims)
-        values = as_vector(np.atleast_1d(values), "values", len(dims))
-        shares = self.marginal(dims).responsibilities(values[None])[0]
-        kept = [
-            Gaussian(self.means_[k], self.covariances_[k]).condition(dims, values)
-            for k in np.flatnonzero(shares)
-        ]
-        return self._of(shares[shares > 0], kept)
-
-    def linear_map(self, matrix: ArrayLike, offset: ArrayLike | None = None) -> GaussianMixture:
-        """Mixture of A x + b for any A (e, d) and b (e,), zero by default. More rows than columns
-        make the covariances singular: such a mixture has moments, marginals and samples, but no
-        density.
-
-        Parameters
-        ----------
-        matrix, offset
-            A and b.
-        """
-        return self._of(
-            self.priors_, [component.linear_map(matrix, offset) for component in self.components]
-        )
-
-    def product(self, other: GaussianMixture | Gaussian) -> tuple[GaussianMixture, float]:
-        """Mixture M and log C with C M(x) = this(x) other(x) for every x.
-
-        M has a component for each pair of components, those of `other` in the inner loop. A pair
-        is left out if its components are so far apart that its prior is zero.
-
-        Raises
-        ------
-        ValueError
-            For another dimension, or factors so far apart that C overflows.
-        """
-        other = GaussianMixture._of(np.ones(1), [other]) if isinstance(other, Gaussian) else other
-        if other.n_dims != self.n_dims:
-            raise ValueError(
-                f"factors must agree in dimension, got {self.n_dims} and {other.n_dims}"
-            )
-        mine, yours = np.divmod(
-            np.arange(len(self.priors_) * len(other.priors_)), len(other.priors_)
-        )
-        mean, covariance, log_constants = product_of_two(
-            self.means_[mine],
-            self.covariances_[mine],
-            other.means_[yours],
-            other.covariances_[yours],
-        )
-        log_constants = log_constants + np.log(self.priors_[mine]) + np.log(other.priors_[yours])
-        if not np.isfinite(log_constants).any():
-            raise ValueError(
-                "the factors of the product are so far apart that its constant overflows"
-            )
-        shares, log_total = normalise_log(log_constants[None])
-        kept = shares[0] > 0
-        return self._made(shares[0, kept], mean[kept], covariance[kept]), float(log_total[0])
 
     def merge(self, indices: ArrayLike) -> GaussianMixture:
         """Mixture in which the components with these indices are merged into one; it is the last
@@ -458,113 +378,20 @@ class GaussianMixture(EMEstimator):
             np.concatenate([self.covariances_[rest], covariance[None]]),
         )
 
-    def reduce(self, n_components: int) -> GaussianMixture:
-        """Mixture of n_components, by merging the pair whose merger costs least until so many are
-        left (Runnalls 2007: an upper bound of the divergence from the mixture before).
-
-        Raises
-        ------
-        ValueError
-            If that is more than there are.
-        """
-        mixture, n_components = self, as_count(n_components, "n_components")
+    def _to_arrays(self) -> Arrays:
         self._require_fitted()
-        if n_components > len(self.priors_):
-            raise ValueError(
-                f"n_components must be at most the {len(self.priors_)} that there are, got"
-                f" {n_components}"
-            )
-        while len(mixture.priors_) > n_components:
-            mixture = mixture.merge(mixture._cheapest_pair())
-        return mixture
+        return {"priors": self.priors_, "means": self.means_, "covariances": self.covariances_}
 
-    def _cheapest_pair(self) -> tuple[int, int]:
-        pairs = np.stack(np.triu_indices(len(self.priors_), 1), axis=1)
-        priors = self.priors_[pairs]
-        total = priors.sum(1)
-        shares = priors / total[:, None]
-        step = self.means_[pairs[:, 0]] - self.means_[pairs[:, 1]]
-        covariances = np.einsum("pi,pijk->pjk", shares, self.covariances_[pairs])
-        covariances += shares.prod(1)[:, None, None] * step[:, :, None] * step[:, None, :]
-        volumes = log_determinants(self.covariances_)
-        cost = total * log_determinants(covariances) - (priors * volumes[pairs]).sum(1)
-        return tuple(pairs[cost.argmin()].tolist())
-
-    @staticmethod
-    def together(
-        mixtures: Sequence[GaussianMixture], weights: ArrayLike | None = None
-    ) -> GaussianMixture:
-        """All components of several mixtures, each mixture with its weight (positive, any sum;
-        equal by default).
-
-        Raises
-        ------
-        ValueError
-            For none, or for different dimensions.
-        """
-        if len(mixtures) == 0 or len({mixture.n_dims for mixture in mixtures}) > 1:
-            raise ValueError(
-                "mixtures must be one or more of one dimension, got"
-                f" {[mixture.n_dims for mixture in mixtures]}"
-            )
-        weights = as_weights(weights, len(mixtures))
-        parts = [
-            (weight / weights.sum(), mixture)
-            for weight, mixture in zip(weights, mixtures, strict=True)
-            if weight > 0
-        ]
-        return GaussianMixture._made(
-            np.concatenate([share * mixture.priors_ for share, mixture in parts]),
-            np.concatenate([mixture.means_ for _, mixture in parts]),
-            np.concatenate([mixture.covariances_ for _, mixture in parts]),
-        )
-
-    def save(self, path: str | Path) -> None:
-        """Write priors, means and covariances to a NumPy archive at `path`, which must not exist."""
-        self._require_fitted()
-        with open(path, "xb") as file:
-            np.savez(
-                file,
-                format=np.array(FORMAT),
-                priors=self.priors_,
-                means=self.means_,
-                covariances=self.covariances_,
-            )
-
-    @classmethod
-    def load(cls, path: str | Path) -> GaussianMixture:
-        """The mixture that `save` wrote, to the last bit.
-
-        Raises
-        ------
-        ValueError
-            If the file has another format or is damaged.
-        """
-        try:
-            with np.load(path, allow_pickle=False) as archive:
-                content = {
-                    name: archive[name] for name in ("format", "priors", "means", "covariances")
-                }
-            if str(content.pop("format")) != FORMAT:
-                raise ValueError(f"its format is not '{FORMAT}'")
-            parameters = [as_finite(value, name) for name, value in content.items()]
-            _require_parameters(*parameters)
-        except FileNotFoundError:
-            raise
-        except (
-            KeyError,
-            ValueError,
-            EOFError,
-            TypeError,
-            AttributeError,
-            OSError,
-            zipfile.BadZipFile,
-            zlib.error,
-        ) as error:
-            raise ValueError(
-                f"{path} is not a mixture saved by dart_skill, or damaged: {error}"
-            ) from error
-        return cls._made(*parameters)
+    def _from_arrays(self, arrays: Arrays) -> None:
+        checked_priors(arrays["priors"])
+        for mean, covariance, _ in zip(
+            as_samples(arrays["means"], "means"),
+            arrays["covariances"],
+            arrays["priors"],
+            strict=True,
+        ):
+            Gaussian(mean, covariance)  # which may be singular
+        self._set(arrays["priors"], arrays["means"], arrays["covariances"])
 
     @classmethod
     def _made(
@@ -574,11 +401,3 @@ class GaussianMixture(EMEstimator):
         mixture = cls(len(priors))
         mixture._set(priors, means, covariances)
         return mixture
-
-    @classmethod
-    def _of(cls, priors: np.ndarray, components: Sequence[Gaussian]) -> GaussianMixture:
-        means, covariances = (
-            [one.mean for one in components],
-            [one.covariance for one in components],
-        )
-        return cls._made(priors, np.stack(means), np.stack(covariances))

@@ -34,13 +34,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count, as_finite, as_number, as_samples, as_vector
+from dart_skill.common.hyper_parameters import Arrays, array_of
 from dart_skill.common.pace import PhaseRule
 from dart_skill.mixture import GaussianMixture, regress
 from dart_skill.movement._attractor import attractor_from_motion, discretise
 from dart_skill.movement._ds_gmr import AttractorModel
 from dart_skill.movement._frames import MovingFrame, TaskFrame
 from dart_skill.movement._placement import Weights
-from dart_skill.movement._saved import Arrays, array_of
 from dart_skill.movement._task_parameterised import TaskParameterisedMixture
 from dart_skill.movement._time import as_stamps, uniform_step
 

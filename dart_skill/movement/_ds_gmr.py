@@ -11,6 +11,7 @@ one component in each interval of time.
 
 from __future__ import annotations
 
+import inspect
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count, as_finite, as_number, as_samples
 from dart_skill.common.constants import PARTITIONS
+from dart_skill.common.hyper_parameters import Arrays, SavableModel
 from dart_skill.mixture import GaussianMixture
 from dart_skill.movement._attractor import (
     as_gains,
@@ -29,9 +31,8 @@ from dart_skill.movement._attractor import (
     follow_attractor,
 )
 from dart_skill.movement._differentiation import smooth_derivatives
-from dart_skill.movement._placement import Frame, FrameCourse, Frames, Samples, Weights
+from dart_skill.movement._placement import Frame, FrameCourse, Weights
 from dart_skill.movement._sample_faults import find_faults, without_repeats
-from dart_skill.movement._saved import Arrays, MixtureModel
 from dart_skill.movement._task_parameterised import TaskParameterisedMixture
 from dart_skill.movement._time import as_stamps, uniform_step
 
@@ -39,11 +40,15 @@ OVERLAP = 0.7
 """Overlap of components at equal intervals of time."""
 
 
-class AttractorModel(MixtureModel):
-    """Base class of the models that learn attractors; `DSGMR` describes its parameters."""
+class AttractorModel(SavableModel):
+    """Base class of the models that learn attractors; `DSGMR` describes its parameters. The
+    hyper-parameters of the mixture that they fit are theirs, too.
+    """
 
-    _MIXTURE = TaskParameterisedMixture
-    mixture_: TaskParameterisedMixture
+    _MIXTURE: Any = TaskParameterisedMixture
+    _GROWS = True
+    """Whether an overlap makes the components grow that EM has found."""
+    mixture_: Any
 
     def __init__(
         self,
@@ -58,24 +63,53 @@ class AttractorModel(MixtureModel):
     ) -> None:
         if partition not in PARTITIONS:
             raise ValueError(f"partition must be one of {PARTITIONS}, got {partition!r}")
-        self.stiffness = as_gains(stiffness, None, "stiffness", strict=True)
+        self.stiffness = self._gains(stiffness, "stiffness", True)
         self.damping = (
             critical_damping(self.stiffness)
             if damping is None
-            else as_gains(damping, None, "damping", strict=False)
+            else self._gains(damping, "damping", False)
         )
-        self._given_damping = damping
+        self._given_damping = damping  # before a default took the place of None
         self.n_inputs, self.partition = as_count(n_inputs, "n_inputs", 0), partition
         self.overlap = (
             None if overlap is None else as_number(overlap, "overlap", 1e-3, strict=False)
         )
-        self._mixture = TaskParameterisedMixture(n_components, **mixture_options)
+        self._mixture = self._MIXTURE(n_components, **mixture_options)
         self.n_components = self._mixture.n_components
+
+    @staticmethod
+    def _gains(value: ArrayLike, name: str, strict: bool) -> np.ndarray:
+        """Gains of the movement variables, checked."""
+        return as_gains(value, None, name, strict)
+
+    @classmethod
+    def _parameters(cls) -> dict[str, inspect.Parameter]:
+        return {**super()._parameters(), **cls._MIXTURE._parameters()}
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """The hyper-parameters by name, with those of the mixture, as the constructor takes them.
+
+        Parameters
+        ----------
+        deep
+            For scikit-learn.
+        """
+        known = {**vars(self), **self._mixture.get_params(), "damping": self._given_damping}
+        return {name: known[name] for name in self._parameters()}
+
+    @property
+    def _fitted(self) -> Any:
+        if not hasattr(self, "mixture_"):
+            raise ValueError(f"this {type(self).__name__} holds no model yet; call fit first")
+        return self.mixture_
+
+    def _to_arrays(self) -> Arrays:
+        return self._fitted._to_arrays()
 
     def _learn(
         self,
-        samples: Samples,
-        frames: Frames,
+        samples: Sequence[ArrayLike],
+        frames: Sequence[Sequence[Any]],
         weights: Weights,
         rng: np.random.Generator | None,
     ) -> None:
@@ -84,13 +118,13 @@ class AttractorModel(MixtureModel):
             fitted = self._mixture.fit_in_time(
                 samples, frames, weights, OVERLAP if self.overlap is None else self.overlap
             )
-        elif self.overlap is None:
-            fitted = self._mixture.fit(samples, frames, weights, rng=rng)
         else:
-            fitted = self._mixture.fit_and_around(samples, frames, weights, self.overlap, rng=rng)
+            fitted = self._mixture.fit(samples, frames, weights, rng=rng)
+            if self._GROWS and self.overlap is not None:
+                fitted.fit_around(samples, frames, weights, self.overlap)
         self.mixture_, self.n_demonstrations_ = self._with_outputs(fitted), len(samples)
 
-    def _with_outputs(self, mixture: TaskParameterisedMixture) -> TaskParameterisedMixture:
+    def _with_outputs(self, mixture: Any) -> Any:
         """The mixture; ValueError if it has no columns besides time and the further inputs."""
         if mixture.n_dims < self.n_inputs + 2:
             raise ValueError(
@@ -100,9 +134,7 @@ class AttractorModel(MixtureModel):
         return mixture
 
     def _from_arrays(self, arrays: Arrays) -> None:
-        mixture = TaskParameterisedMixture(
-            self._mixture.n_components, n_shared=self._mixture.n_shared
-        )
+        mixture = self._MIXTURE(**self._mixture.get_params())
         mixture._from_arrays(arrays)
         self.mixture_ = self._with_outputs(mixture)
 

@@ -17,15 +17,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dart_skill.common import quaternions as unchecked
 from dart_skill.common.checks import as_finite, as_samples
 from dart_skill.common.quaternions import CONJUGATE, product, to_vectors
-from dart_skill.common.rotations import (
-    hand_angles,
-    least_length,
-    of_hand_angles,
-    turned,
-    unwrap,
-)
 from dart_skill.movement._time import as_stamps
 
 
@@ -37,31 +31,21 @@ def normalise(quaternions: ArrayLike) -> np.ndarray:
     ValueError
         For one of length zero.
     """
-    return _unit(as_samples(quaternions, "quaternions", 4))
-
-
-def _unit(quaternions: np.ndarray) -> np.ndarray:
-    """The same of finite rows (n, 4)."""
-    unit = np.empty_like(quaternions)
-    if least_length(quaternions, unit) < 1e-6:
-        lengths = np.linalg.norm(quaternions, axis=1)
+    quaternions = as_samples(quaternions, "quaternions", 4)
+    lengths = np.linalg.norm(quaternions, axis=1)
+    if lengths.min() < 1e-6:
         raise ValueError(
             f"quaternion {int(lengths.argmin())} has length {lengths.min():.3g}; it says no"
             " orientation"
         )
-    return unit
+    return quaternions / lengths[:, None]
 
 
 def make_continuous(quaternions: ArrayLike) -> np.ndarray:
     """Unit quaternions (n, 4) with signs such that neighbours have a non-negative dot product; the
     first keeps its sign.
     """
-    return _continuous(as_samples(quaternions, "quaternions", 4))
-
-
-def _continuous(quaternions: np.ndarray) -> np.ndarray:
-    """The same of finite rows (n, 4)."""
-    quaternions = _unit(quaternions)
+    quaternions = normalise(quaternions)
     flips = np.einsum("ni,ni->n", quaternions[1:], quaternions[:-1]) < 0
     signs = np.concatenate([[1.0], np.where(flips, -1.0, 1.0)]).cumprod()
     return quaternions * signs[:, None]
@@ -101,7 +85,7 @@ def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> np.ndarray:
             f"cannot rotate {len(vectors)} vectors by {len(quaternions)} quaternions; give equally"
             " many, or one"
         )
-    return turned(quaternions, vectors)
+    return unchecked.rotate(quaternions, vectors)
 
 
 def turn_about_z(quaternions: ArrayLike, angle: float) -> np.ndarray:
@@ -115,9 +99,7 @@ def turn_about_z(quaternions: ArrayLike, angle: float) -> np.ndarray:
         (n, 4).
     """
     half = 0.5 * float(as_finite(angle, "angle", 0))
-    return product(
-        _unit(np.array([[0.0, 0.0, np.sin(half), np.cos(half)]])), normalise(quaternions)
-    )
+    return product(np.array([0.0, 0.0, np.sin(half), np.cos(half)]), normalise(quaternions))
 
 
 def pointing_angles(directions: ArrayLike) -> np.ndarray:
@@ -151,10 +133,20 @@ def angles_from_quaternions(
     quaternions
         (n, 4).
     """
-    angles = hand_angles(normalise(quaternions))
-    unwrap(angles[:, 0], alpha_near)
-    unwrap(angles[:, 2], roll_near)
-    return angles
+    unit = normalise(quaternions)
+    ahead, side = (unchecked.rotate(unit, axis) for axis in np.eye(3)[[2, 1]])
+    alpha, beta = pointing_angles(ahead).T
+    # With roll = 0 the y axis would be `left`; roll turns it towards `up`.
+    left = np.stack([-np.sin(beta) * np.cos(alpha), np.cos(beta), -np.sin(beta) * np.sin(alpha)])
+    up = np.stack([-np.sin(alpha), np.zeros_like(alpha), np.cos(alpha)])
+    roll = np.arctan2((side * up.T).sum(axis=1), (side * left.T).sum(axis=1))
+    return np.column_stack([_unwrapped(alpha, alpha_near), beta, _unwrapped(roll, roll_near)])
+
+
+def _unwrapped(angles: np.ndarray, near: float) -> np.ndarray:
+    """Angles (n,) without jumps, the first within half a turn of another one [rad]."""
+    angles = np.unwrap(angles)
+    return angles + 2.0 * np.pi * np.ceil((near - angles[0]) / (2.0 * np.pi) - 0.5)
 
 
 def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
@@ -166,7 +158,12 @@ def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
     angles
         Alpha, beta, roll.
     """
-    return of_hand_angles(as_samples(angles, "angles", 3))
+    sines, cosines = (part(0.5 * as_samples(angles, "angles", 3)) for part in (np.sin, np.cos))
+    about = np.zeros((3, len(sines), 4))
+    for k, (axis, sign) in enumerate(((1, -1.0), (2, 1.0), (0, 1.0))):
+        about[k, :, axis], about[k, :, 3] = sign * sines[:, k], cosines[:, k]
+    quarter = np.sqrt(0.5) * np.array([0.0, 1.0, 0.0, 1.0])
+    return make_continuous(product(product(about[0], about[1]), product(about[2], quarter)))
 
 
 def angular_velocity(time: ArrayLike, quaternions: ArrayLike) -> np.ndarray:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_finite, as_number, as_vector
+from dart_skill.common.hyper_parameters import Arrays, SavableModel, array_of
 from dart_skill.movement._demonstrations import ShownMovement
 from dart_skill.movement._differentiation import Motion
 from dart_skill.movement._forcing import (
@@ -26,7 +27,6 @@ from dart_skill.movement._forcing import (
     transformation,
 )
 from dart_skill.movement._runge_kutta import divide, integrate
-from dart_skill.movement._saved import Arrays, SavableModel, array_of
 from dart_skill.movement._time import as_stamps
 
 # A tracking error slows a movement down to this share of its pace at least. At zero it could not

@@ -26,6 +26,7 @@ from dart_skill.common.checks import (
     as_samples,
     as_weights,
 )
+from dart_skill.common.hyper_parameters import Arrays, SavableModel, array_of
 from dart_skill.mixture import (
     DEAD_SHARE,
     EMEstimator,
@@ -44,9 +45,9 @@ from dart_skill.mixture import (
     normalise_log,
     regress_each,
     sliced_start,
+    symmetric,
     with_prior,
 )
-from dart_skill.movement._frame_products import FrameProducts
 from dart_skill.movement._frames import TaskFrame
 from dart_skill.movement._placement import (
     FrameCourse,
@@ -56,8 +57,8 @@ from dart_skill.movement._placement import (
     Samples,
     TaskSamples,
     Weights,
+    moments_of,
 )
-from dart_skill.movement._saved import Arrays, SavableModel, array_of
 
 __all__ = ["PartialFrame", "TaskParameterisedMixture"]
 
@@ -65,6 +66,10 @@ STARTS = ("time", "kmeans")
 # A column of a frame counts as no narrower than this share of what world deviations could put
 # there.
 LEAST_SHARE = 1e-2
+LEAST_PIVOT = 1e-12
+"""A direction of the world counts as seen when the frames tell it apart from the others by this
+share at least.
+"""
 
 
 def as_sample_weights(weights: Weights, lengths: list[int]) -> np.ndarray:
@@ -97,10 +102,7 @@ def least_scales(taught: TaskSamples, weights: np.ndarray) -> list[np.ndarray]:
     """
     share = weights / weights.sum()
     variance = share @ np.square(taught.world - share @ taught.world)
-    return [
-        LEAST_SHARE * np.sqrt(placement.see_variance(variance, weights))
-        for placement in taught.placements
-    ]
+    return [LEAST_SHARE * np.sqrt(one) for one in taught.see_variance(variance, weights)]
 
 
 def shared_time(blocks: list[np.ndarray]) -> np.ndarray:
@@ -109,6 +111,20 @@ def shared_time(blocks: list[np.ndarray]) -> np.ndarray:
     for block in blocks[1:]:
         time = np.where(np.isnan(time), block[:, 0], time)
     return time
+
+
+def windows_in_time(time: np.ndarray, n_components: int, overlap: float) -> np.ndarray:
+    """Responsibilities (n, K) of Gaussian windows in the middle of K equal intervals of time (n,);
+    overlap: their standard deviation in intervals.
+    """
+    interval = (time.max() - time.min()) / n_components
+    if interval <= 0:
+        raise ValueError(
+            f"all samples have the time {time[0]:g}, there are no intervals; use partition='em' or"
+            " fit, or give time in column 0"
+        )
+    centres = time.min() + interval * (0.5 + np.arange(n_components))
+    return normalise_log(-0.5 * np.square((time[:, None] - centres) / (overlap * interval)))[0]
 
 
 class TaskParameterisedMixture(EMEstimator, SavableModel):
@@ -292,18 +308,16 @@ class TaskParameterisedMixture(EMEstimator, SavableModel):
         ValueError
             If rng is missing where centres are drawn.
         """
-        return self._fit(*_with_weight(samples, frames, weights), rng)
-
-    def _fit(
-        self, taught: TaskSamples, weights: np.ndarray, rng: np.random.Generator | None
-    ) -> TaskParameterisedMixture:
         if self.start == "kmeans" and rng is None:
             raise ValueError(
                 "start='kmeans' draws random centres: pass rng=numpy.random.default_rng(seed)"
             )
-        blocks = taught.blocks
+        taught, weights = _with_weight(samples, frames, weights)
         fitted = self._run(
-            blocks, weights, self._starter(shared_time(blocks), rng), least_scales(taught, weights)
+            taught.blocks,
+            weights,
+            self._starter(shared_time(taught.blocks), rng),
+            least_scales(taught, weights),
         )
         self._set(fitted, taught.world.shape[1])
         return self
@@ -341,9 +355,8 @@ class TaskParameterisedMixture(EMEstimator, SavableModel):
         """
         taught, weights = _with_weight(samples, frames, weights)
         overlap = as_number(overlap, "overlap", 1e-3, strict=False)
-        return self._maximise(
-            taught, weights, self._counts_in_time(shared_time(taught.blocks), overlap)
-        )
+        time = shared_time(taught.blocks)
+        return self._maximise(taught, weights, windows_in_time(time, self.n_components, overlap))
 
     def fit_around(
         self, samples: Samples, frames: Frames, weights: Weights = None, overlap: float = 0.7
@@ -364,30 +377,7 @@ class TaskParameterisedMixture(EMEstimator, SavableModel):
             Standard deviation of a component in time, in units of the share of all time that EM
             gave to it, its prior. So components that shared a time are not wide each.
         """
-        return self._fit_around(*_with_weight(samples, frames, weights), overlap)
-
-    def fit_and_around(
-        self,
-        samples: Samples,
-        frames: Frames,
-        weights: Weights = None,
-        overlap: float = 0.7,
-        *,
-        rng: np.random.Generator | None = None,
-    ) -> TaskParameterisedMixture:
-        """`fit`, and `fit_around` with an overlap, to the same samples, which are looked at once.
-
-        Parameters
-        ----------
-        samples, frames, weights, overlap, rng
-            As of these two.
-        """
         taught, weights = _with_weight(samples, frames, weights)
-        return self._fit(taught, weights, rng)._fit_around(taught, weights, overlap)
-
-    def _fit_around(
-        self, taught: TaskSamples, weights: np.ndarray, overlap: float
-    ) -> TaskParameterisedMixture:
         time = shared_time(taught.blocks)
         deviations = (
             as_number(overlap, "overlap", 1e-3, strict=False)
@@ -421,17 +411,6 @@ class TaskParameterisedMixture(EMEstimator, SavableModel):
         )
         self._set(in_units(found, scales), taught.world.shape[1])
         return self
-
-    def _counts_in_time(self, time: np.ndarray, overlap: float) -> np.ndarray:
-        """Responsibilities (n, K) of Gaussian windows in the middle of K equal intervals."""
-        interval = (time.max() - time.min()) / self.n_components
-        if interval <= 0:
-            raise ValueError(
-                f"all samples have the time {time[0]:g}, there are no intervals; use fit, or give"
-                " time in column 0"
-            )
-        centres = time.min() + interval * (0.5 + np.arange(self.n_components))
-        return normalise_log(-0.5 * np.square((time[:, None] - centres) / (overlap * interval)))[0]
 
     def responsibilities(self, samples: Samples, frames: Frames) -> list[np.ndarray]:
         """Per demonstration, (n_i, K) posterior probability of each component.
@@ -517,32 +496,77 @@ class TaskParameterisedMixture(EMEstimator, SavableModel):
         return mean, spread if covariance else None
 
     def _situation(self, frames: Sequence[FrameCourse], n: int) -> FrameSituation:
-        return FrameSituation.of(frames, n, self.n_dims, self._dims_of_frames)
+        name = "the new situation"
+        rows = moments_of(frames, n, name, self.n_frames, (TaskFrame, PartialFrame))
+        missing = [not any(row) for row in rows]
+        if any(missing):
+            raise ValueError(
+                f"all task frames are missing at moment {missing.index(True)} of {name}; give one"
+                " at least"
+            )
+        return FrameSituation.of(rows, self.n_dims, self._dims_of_frames)
 
     def _products(self, situation: FrameSituation) -> tuple[np.ndarray, np.ndarray]:
         """(7.21) at n moments: means (n, K, m) and covariances (n, K, m, m) in the world."""
         if self.n_shared:
             _require_shared(situation, self.n_shared)
-        (n, _), (_, k, m) = situation.seen.shape, self._padded_means.shape
-        products, mean, covariance = (
-            FrameProducts(self._padded_means, self._whiteners, self.n_shared),
-            np.empty((n, k, m)),
-            np.empty((n, k, m, m)),
+        return frame_products(self._padded_means, self._whiteners, self.n_shared, situation)
+
+
+def frame_products(
+    means: np.ndarray, whiteners: np.ndarray, n_shared: int, situation: FrameSituation
+) -> tuple[np.ndarray, np.ndarray]:
+    """Products of the Gaussians that P frames see, mapped into the world (7.21): means (n, K, m)
+    and covariances (n, K, m, m).
+
+    A frame (A, b) whose Gaussian has the mean mu and the covariance L L' says of a point x of the
+    world that L^-1 A^-1 (x - b) has the mean L^-1 mu and the covariance one. What all frames say
+    is one least-squares problem in x - about, where `about` is the middle of the mapped means. It
+    is solved by QR, so that no condition number is squared.
+
+    Parameters
+    ----------
+    means : (P, K, m)
+        As the frames see them; zero in directions that a frame does not see.
+    whiteners : (P, K, m, m)
+        L^-1, lower triangles; zero in such directions.
+    n_shared
+        So many features, the first, are asked of one frame only, and the others from all frames
+        given these.
+
+    Raises
+    ------
+    ValueError
+        If the frames that are there do not tell a feature.
+    """
+    n, (_, k, m) = len(situation.seen), means.shape
+    n_others = m - n_shared
+    order = np.roll(np.arange(m), -n_shared)  # shared features are the last unknowns
+    seen = situation.seen[:, :, None, None]
+    mapped = means @ np.swapaxes(situation.A, -1, -2) + situation.b[:, :, None]
+    about = (seen * mapped).sum(axis=1) / seen.sum(axis=1)
+    rows = seen[..., None] * (whiteners @ situation.inverses[:, :, None])
+    offsets = situation.b[:, :, None] - about[:, None]
+    right = seen * (whiteners @ means[..., None])[..., 0] + (rows @ offsets[..., None])[..., 0]
+    equations = np.concatenate([rows[..., order], right[..., None]], axis=-1)
+    # Whiteners are lower triangles: the first rows of a frame are of the shared features alone,
+    # and the others say what the rest is given them.
+    others = np.moveaxis(equations[..., n_shared:, :], 1, 2).reshape(n, k, -1, m + 1)
+    triangle = np.asarray(np.linalg.qr(others, mode="r"))[..., :n_others, :]
+    first = equations[np.arange(n), situation.seen.argmax(axis=1)][..., :n_shared, :]
+    triangle = np.concatenate([triangle, first], axis=-2)
+    pivots = np.abs(np.diagonal(triangle, axis1=-2, axis2=-1))[..., :n_others]
+    sizes = np.linalg.norm(triangle[..., :n_others, :n_others], axis=-2)
+    told = (pivots > LEAST_PIVOT * sizes).all(axis=(0, 1))
+    if not told.all():
+        raise ValueError(
+            f"the task frames that are there do not tell feature {order[int(told.argmin())]} of"
+            " the world; give a frame that sees it"
         )
-        feature = products.write(
-            situation.A,
-            situation.inverses,
-            situation.b,
-            situation.seen.view(np.uint8),
-            mean,
-            covariance,
-        )
-        if feature < m:
-            raise ValueError(
-                f"the task frames that are there do not tell feature {feature} of the world; give"
-                " a frame that sees it"
-            )
-        return mean, covariance
+    root = np.empty((n, k, m, m))
+    root[..., order, :] = np.linalg.inv(triangle[..., :m])
+    mean = about + (root @ triangle[..., m:])[..., 0]
+    return mean, symmetric(root @ np.swapaxes(root, -1, -2))
 
 
 def _with_weight(

@@ -1,6 +1,7 @@
 from dart_skill.simulation._arm_geometry import ArmGeometry as ArmGeometry
 from dart_skill.simulation._basket import Basket as Basket
 from dart_skill.simulation._board import Board as Board
+from dart_skill.simulation._bullet import ArmDynamics as ArmDynamics
 from dart_skill.simulation._bullet import connect as connect
 from dart_skill.simulation._carrier import Carrier as Carrier
 from dart_skill.simulation._carrier import Carrying as Carrying
@@ -8,6 +9,7 @@ from dart_skill.simulation._conveyor import Belt as Belt
 from dart_skill.simulation._conveyor import Conveyor as Conveyor
 from dart_skill.simulation._guiding import Guiding as Guiding
 from dart_skill.simulation._guiding import Holder as Holder
+from dart_skill.simulation._lines_of_sight import LinesOfSight as LinesOfSight
 from dart_skill.simulation._motion_capture import BasketWalls as BasketWalls
 from dart_skill.simulation._motion_capture import Camera as Camera
 from dart_skill.simulation._motion_capture import Frame as Frame

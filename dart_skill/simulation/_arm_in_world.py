@@ -6,8 +6,6 @@ rotor inertia, so a step computes the acceleration that the arm with rotors woul
 the torque that gives it to PyBullet's arm.
 """
 
-import os
-import tempfile
 from dataclasses import dataclass, replace
 from xml.etree import ElementTree
 
@@ -25,10 +23,15 @@ from dart_skill.arm import (
     write_urdf,
 )
 from dart_skill.common.constants import N_JOINTS
-from dart_skill.simulation._arm_geometry import ArmDynamics
-from dart_skill.simulation._bullet import BulletClient, connect, pybullet
-from dart_skill.simulation._joint_dynamics import JointDynamics
-from dart_skill.simulation._joints import JOINTS, ZEROS, Joints
+from dart_skill.simulation._bullet import (
+    ZEROS,
+    ArmDynamics,
+    BulletClient,
+    connect,
+    load_urdf,
+    pybullet,
+)
+from dart_skill.simulation._joints import JOINTS, Joints
 from dart_skill.simulation._plant_settings import PlantSettings
 from dart_skill.simulation._transmission import Encoders, Transmission
 
@@ -53,8 +56,7 @@ class ArmInWorld:
 
     def __init__(self, settings: PlantSettings, description: WamDescription | None = None):
         self.settings, self.description = settings, description or wam_description()
-        self._world = connect()
-        self._nominal_arm = ArmDynamics(self.description)
+        self._world, self._models = connect(), connect()
         self._commands: list[Command] = []
         self._stamp_ns = self._step_count = 0
         self._seen_hand: tuple[np.ndarray, np.ndarray] | None = None  # None until it is asked for
@@ -63,6 +65,7 @@ class ArmInWorld:
     def close(self) -> None:
         """Disconnect from PyBullet."""
         self._world.disconnect()
+        self._models.disconnect()
 
     # what it is made of
 
@@ -79,23 +82,20 @@ class ArmInWorld:
         stiffness = np.array(s.joint_stiffness)
         reflected = self.description.motors.reflected_inertia
         cables = Transmission(stiffness, reflected, actuation) if s.elastic else None
-        dynamics = JointDynamics(actuation, reflected, 1.0 - s.gravity_error, s.step, cables)
-        self._joints = Joints(
-            self._nominal_arm, dynamics, actuation, encoders, cables, self._safety
-        )
-        real = self._as_built()
+        self._models.resetSimulation()
+        self._models.setGravity(0, 0, -self.description.gravity)
+        nominal, real = ArmDynamics(self._models, self.description), self._as_built()
+        self._joints = Joints(s, nominal, reflected, actuation, encoders, cables, self._safety)
         self._urdf = unseen(write_urdf(real))
-        self._empty_arm = self._nominal_arm if real is self.description else ArmDynamics(real)
+        self._empty_arm = ArmDynamics(self._models, real)
         ball, scale = self.description_of_load.ball, s.ball_mass_scale
         loaded = replace(
             real, ball=replace(ball, mass=scale * ball.mass, inertia=scale * ball.inertia)
         )
-        self._loaded_arm = ArmDynamics(loaded, ball_in_hand=True)
+        self._loaded_arm = ArmDynamics(self._models, loaded, ball_in_hand=True)
 
     def _as_built(self) -> WamDescription:
         """The description with the masses that the links really have."""
-        if self.settings.mass_scale == (1.0,) * N_JOINTS:
-            return self.description
         links = [
             replace(link, mass=scale * link.mass, inertia=scale * link.inertia)
             for link, scale in zip(
@@ -203,12 +203,12 @@ class ArmInWorld:
     @property
     def joint_position(self) -> list[float]:
         """Joint angles now, as the encoders report them [rad]."""
-        return self._joints.seen_angles
+        return self._joints.seen_position.tolist()
 
     @property
     def joint_velocity(self) -> list[float]:
         """Joint velocities now, as the driver reports them [rad/s]."""
-        return self._joints.seen_speeds
+        return self._joints.seen_velocity.tolist()
 
     @property
     def joint_effort(self) -> np.ndarray:
@@ -253,19 +253,6 @@ def _keep_apart(world: BulletClient, arm: int, floor: int) -> None:
     """
     for link in range(-1, world.getNumJoints(arm)):
         world.setCollisionFilterPair(arm, floor, link, -1, 0)
-
-
-def load_urdf(client: BulletClient, urdf: str, position: list[float], turn: float = 0.0) -> int:
-    upright = [0.0, 0.0, float(np.sin(turn / 2)), float(np.cos(turn / 2))]
-    handle, path = tempfile.mkstemp(suffix=".urdf")
-    try:
-        with open(handle, "w", encoding="utf-8") as file:
-            file.write(urdf)
-        return client.loadURDF(
-            path, position, upright, useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE
-        )
-    finally:
-        os.unlink(path)
 
 
 def unseen(urdf: str) -> str:

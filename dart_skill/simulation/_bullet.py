@@ -1,15 +1,24 @@
-"""PyBullet without its greetings: what it prints when it is imported and whenever a physics server
-is made.
+"""PyBullet without its greetings, which it prints when it is imported and whenever a physics server
+is made; bodies from URDF text, and the dynamics of an arm.
 """
 
 import ctypes
 import os
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import numpy as np
+
+from dart_skill.arm import WamDescription, write_urdf
+from dart_skill.common.constants import N_JOINTS
 from dart_skill.common.extras import Absent
+from dart_skill.simulation._arm_geometry import ArmGeometry
+
+ZEROS = [0.0] * N_JOINTS
+"""Nothing, for each joint."""
 
 
 @contextmanager
@@ -59,3 +68,60 @@ def connect() -> BulletClient:
     """A physics server in this process."""
     with _muted():
         return _Client(pybullet.DIRECT)
+
+
+def load_urdf(client: BulletClient, urdf: str, position: list[float], turn: float = 0.0) -> int:
+    """A body that is fixed to the world at a position (3,) [m], turned about the vertical [rad]."""
+    upright = [0.0, 0.0, float(np.sin(turn / 2)), float(np.cos(turn / 2))]
+    handle, path = tempfile.mkstemp(suffix=".urdf")
+    try:
+        with open(handle, "w", encoding="utf-8") as file:
+            file.write(urdf)
+        return client.loadURDF(
+            path, position, upright, useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE
+        )
+    finally:
+        os.unlink(path)
+
+
+class ArmDynamics:
+    """Mass matrix, gravity and Coriolis terms of the links of an arm, without rotors and friction.
+
+    Attribute: geometry, where its links are.
+
+    Parameters
+    ----------
+    client
+        Physics server in which nothing moves, with the arm's gravity.
+    description
+        Of the arm.
+    ball_in_hand
+        Whether the ball moves with the hand.
+    """
+
+    def __init__(
+        self, client: BulletClient, description: WamDescription, ball_in_hand: bool = False
+    ):
+        self._client, self.geometry = client, ArmGeometry(description)
+        self._body = load_urdf(client, write_urdf(description, ball_in_hand, False), [0, 0, 0])
+
+    def gravity_torque(self, position: np.ndarray) -> np.ndarray:
+        """Torque that holds the arm (7,) [N m] at angles (7,) [rad]."""
+        return self._torque(position.tolist(), ZEROS)
+
+    def terms(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mass matrix (7, 7) [kg m^2], and the torque at zero acceleration (7,) [N m].
+
+        Parameters
+        ----------
+        position, velocity
+            Of the joints (7,) [rad], [rad/s].
+        """
+        angles = position.tolist()
+        return (
+            np.array(self._client.calculateMassMatrix(self._body, angles)),
+            self._torque(angles, velocity.tolist()),
+        )
+
+    def _torque(self, angles: list[float], speeds: list[float]) -> np.ndarray:
+        return np.array(self._client.calculateInverseDynamics(self._body, angles, speeds, ZEROS))

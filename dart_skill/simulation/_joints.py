@@ -1,8 +1,11 @@
 """The joints of the arm in PyBullet: once a step they are driven, and read.
 
 What the arm's own electronics do is here, too: gravity compensation, limits of the motors, the
-safety module, encoders. This module is compiled (docs/development.md): _joints.pxd beside it has
-the types.
+safety module, encoders.
+
+PyBullet has no field for the inertia of rotors. So the acceleration that the arm with rotors and
+friction has is computed first, and then the torque that gives it to PyBullet's arm without them
+(inverse dynamics): torque = M acceleration + bias.
 """
 
 from __future__ import annotations
@@ -11,30 +14,30 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.arm import Actuation, Command, SafetyModule, Speed
+from dart_skill.arm import Actuation, Command, SafetyModule
 from dart_skill.common.constants import N_JOINTS
-from dart_skill.simulation._arm_geometry import ArmDynamics
-from dart_skill.simulation._bullet import BulletClient, pybullet
-from dart_skill.simulation._joint_dynamics import JointDynamics, read_joints
+from dart_skill.simulation._bullet import ArmDynamics, BulletClient, pybullet
+from dart_skill.simulation._plant_settings import PlantSettings
 from dart_skill.simulation._transmission import Encoders, Transmission
 
-ZEROS = [0.0] * N_JOINTS
 JOINTS = list(range(N_JOINTS))
+"""Indices of the joints in PyBullet."""
 
 
 class Joints:
     """Driven by `drive`, read by `read`, in the world of `begin`.
 
-    Attributes: angles, speeds (7,), lists, and position, velocity (7,), arrays of the same [rad],
-    [rad/s]; those with `seen` are what the encoders report; effort, torque that reached the joints
-    in the last step (7,) [N m].
+    Attributes: position, velocity (7,) [rad], [rad/s]; those with `seen` are what the encoders
+    report; effort, torque that reached the joints in the last step (7,) [N m].
 
     Parameters
     ----------
+    settings
+        Of the arm.
     nominal
         The arm as its gravity compensation knows it.
-    dynamics
-        Of its joints.
+    reflected
+        Inertia of the rotors as the joints feel it (7, 7) [kg m^2].
     actuation
         Of its motors.
     encoders
@@ -47,17 +50,17 @@ class Joints:
 
     def __init__(
         self,
+        settings: PlantSettings,
         nominal: ArmDynamics,
-        dynamics: JointDynamics,
+        reflected: np.ndarray,
         actuation: Actuation,
         encoders: Encoders,
         transmission: Transmission | None = None,
         safety: SafetyModule | None = None,
     ):
-        self._nominal, self._dynamics, self._actuation = nominal, dynamics, actuation
+        self._step, self._compensated = settings.step, 1.0 - settings.gravity_error
+        self._nominal, self._reflected, self._actuation = nominal, reflected, actuation
         self._encoders, self._transmission, self._safety = encoders, transmission, safety
-        self._all, self._no_torque = JOINTS, np.zeros(N_JOINTS)
-        self._mode = pybullet.TORQUE_CONTROL
 
     def begin(
         self, world: BulletClient, arm: int, start: np.ndarray, carried: ArmDynamics
@@ -75,11 +78,7 @@ class Joints:
         carried
             The arm with what its cables carry.
         """
-        self._arm, self._read, self._set = (
-            arm,
-            world.getJointStates,
-            world.setJointMotorControlArray,
-        )
+        self._world, self._arm = world, arm
         self.effort = np.zeros(N_JOINTS)
         self._encoders.reset()
         if self._safety is not None:
@@ -90,18 +89,11 @@ class Joints:
 
     def read(self) -> None:
         """Where the joints are now, and how fast."""
-        self.angles, self.speeds, self.position, self.velocity = read_joints(
-            self._read(self._arm, self._all)
-        )
+        states = self._world.getJointStates(self._arm, JOINTS)
+        self.position, self.velocity = np.array([state[:2] for state in states]).T.copy()
         motors: Any = self if self._transmission is None else self._transmission
         self.seen_position, self.seen_velocity = self._encoders.read(
             motors.position, motors.velocity
-        )
-        self.seen_angles = (
-            self.angles if self.seen_position is self.position else self.seen_position.tolist()
-        )
-        self.seen_speeds = (
-            self.speeds if self.seen_velocity is self.velocity else self.seen_velocity.tolist()
         )
 
     def drive(
@@ -120,33 +112,41 @@ class Joints:
         arm
             As it is built, with what is in its hand.
         """
-        pull = self._nominal.in_joints(self.seen_position, np.asarray(command.wrench, dtype=float))
-        gravity = self._nominal.gravity_torque(self.seen_position)
-        asked = self._dynamics.asked(np.asarray(command.joint_torque, dtype=float), pull, gravity)
+        seen, wrench = self.seen_position, np.asarray(command.wrench, dtype=float)
+        asked = command.joint_torque + self._compensated * self._nominal.gravity_torque(seen)
+        if (pull := self._nominal.geometry.in_joints(seen, wrench)) is not None:
+            asked = asked + pull
         motors = self.velocity if self._transmission is None else self._transmission.velocity
-        if self._is_stopped(self._no_torque if brakes else asked, command.speed):
+        watched = np.zeros(N_JOINTS) if brakes else asked
+        if self._safety is not None and self._safety.look(
+            seen, self.seen_velocity, watched, command.speed
+        ):
             self.effort = self._actuation.braking(motors)
         else:
             self.effort = self._actuation.deliverable(asked, motors)
-        outside = None if push is None else self._from_outside(push)
         inertia, bias = arm.terms(self.position, self.velocity)
-        forces = self._dynamics.torque(
-            inertia, bias, self.effort, outside, self.position, self.velocity
+        net = -bias if push is None else self._from_outside(push) - bias
+        if self._transmission is None:
+            acceleration = self._actuation.acceleration(
+                inertia + self._reflected, net + self.effort, self.velocity, self._step
+            )
+        else:
+            acceleration = self._transmission.advance(
+                self.position, self.velocity, inertia, self.effort, net, self._step
+            )
+        self._world.setJointMotorControlArray(
+            self._arm,
+            JOINTS,
+            pybullet.TORQUE_CONTROL,
+            forces=(inertia @ acceleration + bias).tolist(),
         )
-        self._set(self._arm, self._all, self._mode, forces=forces)
-
-    def _is_stopped(self, torque: np.ndarray, speed: Speed) -> bool:
-        """Whether the safety module has found a fault: the motors are shorted then."""
-        if self._safety is None:
-            return False
-        return bool(self._safety.look(self.seen_position, self.seen_velocity, torque, speed))
 
     def _from_outside(self, push: Command) -> np.ndarray:
         """What a person does to the joints (7,) [N m]."""
-        pull = self._nominal.in_joints(self.position, np.asarray(push.wrench, dtype=float))
-        return np.asarray(
-            push.joint_torque if pull is None else push.joint_torque + pull, dtype=float
+        pull = self._nominal.geometry.in_joints(
+            self.position, np.asarray(push.wrench, dtype=float)
         )
+        return push.joint_torque if pull is None else push.joint_torque + pull
 
     def braking(self) -> np.ndarray:
         """Torque of motors that are shorted (7,) [N m]."""

@@ -1,14 +1,8 @@
 """Lines of sight: how many cameras see a point, past the capsules of an arm and the wall of a
 basket.
-
-Every frame of the cameras asks it of each body. So it is compiled (docs/development.md):
-_lines_of_sight.pxd beside it has the types.
 """
 
 from __future__ import annotations
-
-import math
-from typing import Any
 
 import numpy as np
 
@@ -45,12 +39,7 @@ class LinesOfSight:
         wide, high = (tangent[:, None] * forward for tangent in np.tan(half_angles).T)
         # their normals, inwards
         self._sides = np.stack([wide - right, wide + right, high - down, high + down], axis=1)
-        self._positions, self._ranges, self._clearance = (
-            np.array(positions),
-            np.array(ranges),
-            clearance,
-        )
-        self._start, self._ray = np.zeros(3), np.zeros(3)
+        self._positions, self._ranges, self._clearance = positions, ranges, clearance
 
     def count(
         self,
@@ -71,98 +60,53 @@ class LinesOfSight:
         walls
             Centre of the rim, radius and depth of the basket (f, 5) [m]; None if there is none.
         """
-        self._points, self._ends, self._radii = points, ends, radii
-        self._walls: Any = walls
-        n_frames, n_points, n_cameras = points.shape[0], points.shape[1], self._positions.shape[0]
-        result = np.zeros((n_frames, n_points), dtype=np.intp)
-        counts = result
-        for f in range(n_frames):
-            for i in range(n_points):
-                for k in range(n_cameras):
-                    if counts[f, i] < enough and self._sees(k, f, i):
-                        counts[f, i] += 1
-        return result
-
-    def _sees(self, k: int, f: int, i: int) -> bool:
-        """Whether a camera sees a point in a frame."""
-        start, ray, squared = self._start, self._ray, 0.0
-        for axis in range(3):
-            start[axis] = self._positions[k, axis]
-            ray[axis] = self._points[f, i, axis] - start[axis]
-            squared += ray[axis] * ray[axis]
-        distance = math.sqrt(squared)
-        if not 0.0 < distance <= self._ranges[k] or not self._is_in_view(k):
-            return False
-        if self._walls is not None and self._is_behind_wall(f):
-            return False
+        rays = points[:, :, None] - self._positions  # (f, n, k, 3)
+        distance = np.linalg.norm(rays, axis=-1)
+        sees = (distance > 0.0) & (distance <= self._ranges)
+        sees &= (np.einsum("ksi,fnki->fnks", self._sides, rays) >= 0.0).all(axis=-1)
+        if walls is not None:
+            sees &= ~_is_behind_wall(self._positions, rays, walls[:, None, None])
         # A line of sight ends `clearance` before the body, so that neither its holder nor itself
         # hides it.
-        shorten = max(0.0, 1.0 - self._clearance / distance)
-        for axis in range(3):
-            ray[axis] *= shorten
-        for c in range(self._radii.shape[1]):
-            if self._squared_gap(f, c) < self._radii[f, c] * self._radii[f, c]:
-                return False
-        return True
+        shorten = np.maximum(0.0, 1.0 - self._clearance / np.maximum(distance, TINY))
+        gaps = _squared_gaps(self._positions, shorten[..., None] * rays, ends[:, None, None])
+        sees &= (gaps >= np.square(radii)[:, None, None]).all(axis=-1)
+        return np.minimum(sees.sum(axis=-1), enough)
 
-    def _is_in_view(self, k: int) -> bool:
-        """Whether the ray leads into the field of view of a camera."""
-        sides, ray = self._sides, self._ray
-        for side in range(4):
-            if (
-                sides[k, side, 0] * ray[0]
-                + sides[k, side, 1] * ray[1]
-                + sides[k, side, 2] * ray[2]
-                < 0.0
-            ):
-                return False
-        return True
 
-    def _squared_gap(self, f: int, c: int) -> float:
-        """Squared distance between the line of sight start + s ray and the axis of a capsule a + t
-        axis, s and t in [0, 1].
+def _squared_gaps(start: np.ndarray, ray: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Squared distances (f, n, k, c) between lines of sight start + s ray, (k, 3) and (f, n, k,
+    3), and the axes of capsules (f, 1, 1, c, 2, 3), a + t axis, s and t in [0, 1].
 
-        Minimise over s, clamp, over t, clamp, over s again (Ericson, Real-Time Collision
-        Detection, 5.1.9).
-        """
-        length = thick = along = behind = across = apart = 0.0
-        for i in range(3):
-            ray, end = self._ray[i], self._ends[f, c, 0, i]
-            axis, offset = self._ends[f, c, 1, i] - end, self._start[i] - end
-            length += ray * ray
-            thick += axis * axis
-            along += ray * axis
-            behind += ray * offset
-            across += axis * offset
-            apart += offset * offset
-        det = length * thick - along * along
-        s = unit_interval((along * across - behind * thick) / det) if det > TINY else 0.0
-        t = unit_interval((along * s + across) / max(thick, TINY))
-        s = unit_interval((along * t - behind) / max(length, TINY))
-        return (
-            apart + s * (s * length + 2.0 * behind) + t * (t * thick - 2.0 * (across + s * along))
+    Minimise over s, clamp, over t, clamp, over s again (Ericson, Real-Time Collision Detection,
+    5.1.9).
+    """
+    ray = ray[..., None, :]
+    axis, offset = ends[..., 1, :] - ends[..., 0, :], start[:, None] - ends[..., 0, :]
+    length, thick, apart = ((one * one).sum(axis=-1) for one in (ray, axis, offset))
+    along, behind, across = (
+        (one * other).sum(axis=-1) for one, other in ((ray, axis), (ray, offset), (axis, offset))
+    )
+    det = length * thick - along * along
+    s = np.where(det > TINY, (along * across - behind * thick) / np.maximum(det, TINY), 0.0)
+    t = np.clip((along * np.clip(s, 0.0, 1.0) + across) / np.maximum(thick, TINY), 0.0, 1.0)
+    s = np.clip((along * t - behind) / np.maximum(length, TINY), 0.0, 1.0)
+    return apart + s * (s * length + 2.0 * behind) + t * (t * thick - 2.0 * (across + s * along))
+
+
+def _is_behind_wall(start: np.ndarray, ray: np.ndarray, wall: np.ndarray) -> np.ndarray:
+    """Whether rays from cameras (k, 3), (f, n, k, 3), pass through the wall of the basket (f, 1,
+    1, 5), a cylinder below its rim.
+    """
+    offset, rim, radius = start[:, :2] - wall[..., :2], wall[..., 2], wall[..., 3]
+    a = np.maximum(np.square(ray[..., :2]).sum(axis=-1), TINY)
+    b = (offset * ray[..., :2]).sum(axis=-1)
+    discriminant = b * b - a * (np.square(offset).sum(axis=-1) - radius * radius)
+    root = np.sqrt(np.maximum(discriminant, 0.0))
+    behind = np.zeros(root.shape, dtype=bool)
+    for share in ((-b - root) / a, (-b + root) / a):
+        height = start[:, 2] + share * ray[..., 2]
+        behind |= (
+            (0.0 < share) & (share < 1.0) & (height > rim - wall[..., 4]) & (height < rim - 1e-9)
         )
-
-    def _is_behind_wall(self, f: int) -> bool:
-        """Whether the ray passes through the wall of the basket, a cylinder below its rim."""
-        start, ray, wall = self._start, self._ray, self._walls
-        x, y, radius = start[0] - wall[f, 0], start[1] - wall[f, 1], wall[f, 3]
-        a = max(ray[0] * ray[0] + ray[1] * ray[1], TINY)
-        b = x * ray[0] + y * ray[1]
-        discriminant = b * b - a * (x * x + y * y - radius * radius)
-        if discriminant < 0.0:  # the line misses the cylinder
-            return False
-        root = math.sqrt(discriminant)
-        return self._meets_wall(f, (-b - root) / a) or self._meets_wall(f, (-b + root) / a)
-
-    def _meets_wall(self, f: int, share: float) -> bool:
-        """Whether the point start + share ray, as far from the basket's axis as its wall is, is on
-        the ray, and between rim and floor.
-        """
-        rim, height = self._walls[f, 2], self._start[2] + share * self._ray[2]
-        return 0.0 < share < 1.0 and rim - self._walls[f, 4] < height < rim - 1e-9
-
-
-def unit_interval(value: float) -> float:
-    """The nearest number that is neither below 0 nor above 1."""
-    return min(max(value, 0.0), 1.0)
+    return behind & (discriminant >= 0.0)

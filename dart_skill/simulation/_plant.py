@@ -21,17 +21,11 @@ from dart_skill.arm import (
     check_push,
 )
 from dart_skill.common.constants import AIR_DENSITY
-from dart_skill.common.quaternions import rotate_one
-from dart_skill.simulation._arm_in_world import (
-    HAND_LINK_INDEX,
-    ArmInWorld,
-    load_urdf,
-    small_box,
-    unseen,
-)
+from dart_skill.common.quaternions import rotate
+from dart_skill.simulation._arm_in_world import HAND_LINK_INDEX, ArmInWorld, small_box, unseen
 from dart_skill.simulation._basket import basket_urdf
 from dart_skill.simulation._board import Board
-from dart_skill.simulation._bullet import BulletClient, connect, pybullet
+from dart_skill.simulation._bullet import BulletClient, connect, load_urdf, pybullet
 from dart_skill.simulation._plant_settings import PlantSettings
 
 RENEWED = 50
@@ -334,7 +328,7 @@ class Plant(ArmInWorld):
         axis = turn / angle if angle else turn
         quaternion = np.append(np.sin(angle / 2) * axis, np.cos(angle / 2))
         self._world.resetBaseVelocity(
-            self._ball, (share * rotate_one(quaternion, linear)).tolist(), angular.tolist()
+            self._ball, (share * rotate(quaternion, linear)).tolist(), angular.tolist()
         )
 
     def _act_on_ball(self) -> None:
@@ -371,9 +365,7 @@ class Plant(ArmInWorld):
         """
         if self._touchable:
             return
-        grip = self.hand_position + rotate_one(
-            self.hand_quaternion, self.description.hand.ball_centre
-        )
+        grip = self.hand_position + rotate(self.hand_quaternion, self.description.hand.ball_centre)
         if np.linalg.norm(np.array(self._loose.position) - grip) > self.settings.hand_clearance:
             self._set_touchable(True)
 
@@ -388,7 +380,7 @@ class Plant(ArmInWorld):
         centre = self.description.hand.ball_centre
         if self.settings.seat_spread:
             centre = centre + self.settings.seat_spread * self._scatter.standard_normal(3)
-        position = np.array(hand[4]) + rotate_one(np.array(hand[5]), centre)
+        position = np.array(hand[4]) + rotate(np.array(hand[5]), centre)
         self._world.resetBasePositionAndOrientation(self._ball, position.tolist(), hand[5])
         offset, turn = in_principal_axes(hand, centre)
         self._held = self._world.createConstraint(
@@ -475,7 +467,7 @@ def in_principal_axes(link_state: tuple, point: np.ndarray) -> tuple[list[float]
     """
     centre, turn = np.array(link_state[2]), np.array(link_state[3])
     back = np.array([-turn[0], -turn[1], -turn[2], turn[3]])
-    return rotate_one(back, point - centre).tolist(), back.tolist()
+    return rotate(back, point - centre).tolist(), back.tolist()
 
 
 def _ball_body(world: BulletClient, ball: HeldBall, mass: float) -> int:

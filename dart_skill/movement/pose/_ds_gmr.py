@@ -12,15 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.common.checks import as_count, as_finite, as_number
-from dart_skill.common.constants import PARTITIONS
-from dart_skill.movement._attractor import critical_damping
-from dart_skill.movement._ds_gmr import step_of
+from dart_skill.movement._ds_gmr import OVERLAP, AttractorModel, step_of
 from dart_skill.movement._placement import Weights
-from dart_skill.movement._saved import Arrays, MixtureModel
 from dart_skill.movement._time import as_stamps
 from dart_skill.movement.pose._frames import PoseCourse
-from dart_skill.movement.pose._mixture import PoseMixture
+from dart_skill.movement.pose._gaussians import PoseMixture
 from dart_skill.movement.pose._motion import (
     PoseMotion,
     as_pair,
@@ -51,7 +47,7 @@ class PoseReproduction:
     acceleration: np.ndarray
 
 
-class PoseDSGMR(MixtureModel):
+class PoseDSGMR(AttractorModel):
     """Movement of position and orientation that is driven by a clock.
 
     The features are rows [t, u, y] with q + 8 columns: time, q further inputs, and the attractor
@@ -82,6 +78,7 @@ class PoseDSGMR(MixtureModel):
     """
 
     _MIXTURE = TaskParameterisedPoseMixture
+    _GROWS = False
     mixture_: TaskParameterisedPoseMixture
 
     def __init__(
@@ -92,29 +89,30 @@ class PoseDSGMR(MixtureModel):
         *,
         n_inputs: int = 0,
         partition: str = "time",
-        overlap: float = 0.7,
+        overlap: float = OVERLAP,
         **mixture_options: Any,
     ) -> None:
-        if partition not in PARTITIONS:
-            raise ValueError(f"partition must be one of {PARTITIONS}, got {partition!r}")
-        self.stiffness = as_pair(stiffness, "stiffness", strict=True)
-        self.damping = (
-            critical_damping(self.stiffness)
-            if damping is None
-            else as_pair(damping, "damping", strict=False)
+        super().__init__(
+            n_components,
+            stiffness,
+            damping,
+            n_inputs=n_inputs,
+            partition=partition,
+            overlap=overlap,
+            **mixture_options,
         )
-        self._given_damping = damping
-        self.n_inputs, self.partition = as_count(n_inputs, "n_inputs", 0), partition
-        self.overlap = as_number(overlap, "overlap", 1e-3, strict=False)
-        self._mixture = TaskParameterisedPoseMixture(n_components, **mixture_options)
-        self.n_components = self._mixture.n_components
 
-    def _from_arrays(self, arrays: Arrays) -> None:
-        mixture = TaskParameterisedPoseMixture(
-            self._mixture.n_components, correlated=self._mixture.correlated
-        )
-        mixture._from_arrays(arrays)
-        self.mixture_ = mixture
+    @staticmethod
+    def _gains(value: ArrayLike, name: str, strict: bool) -> np.ndarray:
+        return as_pair(value, name, strict)
+
+    def _with_outputs(self, mixture: TaskParameterisedPoseMixture) -> TaskParameterisedPoseMixture:
+        if mixture.n_numbers != self.n_inputs + 1:
+            raise ValueError(
+                f"features must have {self.n_inputs + 8} columns: time, {self.n_inputs} further"
+                f" inputs (n_inputs) and a pose, got {mixture.n_numbers + 7}; make them with encode"
+            )
+        return mixture
 
     def _fitted_to(self) -> str:
         if not hasattr(self, "mixture_"):
@@ -163,9 +161,7 @@ class PoseDSGMR(MixtureModel):
             The further inputs u, (q,) or (n, q).
         """
         attractor = pose_attractor(motion, self.stiffness, self.damping)
-        return np.column_stack(
-            [self._with_inputs(as_stamps(time, len(attractor)), inputs), attractor]
-        )
+        return np.column_stack([self._with_inputs(time, inputs, len(attractor)), attractor])
 
     def fit(
         self,
@@ -193,24 +189,8 @@ class PoseDSGMR(MixtureModel):
         -------
         PoseDSGMR
             Self.
-
-        Raises
-        ------
-        ValueError
-            For attractors of another shape.
         """
-        for i, one in enumerate(attractors):
-            if np.ndim(one) != 2 or np.shape(one)[1] != self.n_inputs + 8:
-                raise ValueError(
-                    f"attractors of demonstration {i} must have {self.n_inputs + 8} columns: time,"
-                    f" {self.n_inputs} further inputs (n_inputs) and a pose, got shape"
-                    f" {np.shape(one)}; make them with encode"
-                )
-        if self.partition == "time":
-            self.mixture_ = self._mixture.fit_in_time(attractors, frames, weights, self.overlap)
-        else:
-            self.mixture_ = self._mixture.fit(attractors, frames, weights, rng=rng)
-        self.n_demonstrations_ = len(attractors)
+        self._learn(attractors, frames, weights, rng)
         return self
 
     def bic(
@@ -242,7 +222,7 @@ class PoseDSGMR(MixtureModel):
         inputs
             The further inputs u, (q,) or (n, q); default: there are none.
         """
-        return self._fitted.regress(frames, self._with_inputs(as_stamps(time), inputs))
+        return self._fitted.regress(frames, self._with_inputs(time, inputs))
 
     def reproduce(
         self,
@@ -278,16 +258,3 @@ class PoseDSGMR(MixtureModel):
             attractor, step_of(time, step), pose0, start, self.stiffness, self.damping, push
         )
         return PoseReproduction(time, attractor, covariance, *motion)
-
-    def _with_inputs(self, time: np.ndarray, inputs: ArrayLike | None) -> np.ndarray:
-        """Stamps (n,) and further inputs, (q,) or (n, q), as columns (n, 1 + q)."""
-        q = self.n_inputs
-        given = as_finite([] if inputs is None else inputs, "inputs")
-        if given.shape == () and q == 1:
-            given = given[None]
-        if given.shape not in ((q,), (len(time), q)):
-            raise ValueError(
-                f"inputs beside time must have shape ({q},), or ({len(time)}, {q}) to change with"
-                f" it, got {given.shape}"
-            )
-        return np.column_stack([time, np.broadcast_to(given, (len(time), q))])

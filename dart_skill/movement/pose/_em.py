@@ -18,7 +18,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dart_skill.mixture import DEAD_SHARE, Parameters, normalise_log, raise_to_floor
+from dart_skill.mixture import (
+    DEAD_SHARE,
+    Parameters,
+    kmeans_start,
+    normalise_log,
+    raise_to_floor,
+)
 from dart_skill.movement.pose._gaussians import log_normals
 from dart_skill.movement.pose._manifold import exp_at, log_at, means_of
 
@@ -44,16 +50,6 @@ class Blocks:
     seen: np.ndarray
     scales: list[np.ndarray]
     correlated: bool = True
-
-
-@dataclass(frozen=True, eq=False)
-class PoseEmFit:
-    """parameters; log_likelihood, the weighted mean per sample; n_iterations; converged."""
-
-    parameters: Parameters
-    log_likelihood: float
-    n_iterations: int
-    converged: bool
 
 
 def scales_of(
@@ -160,31 +156,34 @@ def iterate(
     floor: float,
     tolerance: float,
     max_iterations: int,
-) -> PoseEmFit:
-    """EM from parameters. A component that loses its samples is dropped."""
+) -> tuple[Parameters, float, int, bool]:
+    """EM from parameters: what was found, its log-likelihood, the weighted mean per sample, the
+    number of iterations, and whether they converged. A component that loses its samples is
+    dropped.
+    """
     weights = weights / weights.mean()
     parameters, tangents, previous = start, tangents_at(blocks, start.means), -np.inf
     for iteration in range(1, max_iterations + 1):
         shares, log_density = expectation(blocks, parameters, tangents)
         likelihood = float(weights @ log_density) / len(weights)
         if abs(likelihood - previous) <= tolerance:
-            return PoseEmFit(parameters, likelihood, iteration, True)
+            return parameters, likelihood, iteration, True
         previous, counts = likelihood, shares * weights[:, None]
         alive = counts.sum(0) > DEAD_SHARE
         near = [mean[alive] for mean in parameters.means], [one[alive] for one in tangents]
         parameters, tangents = maximisation(blocks, counts[:, alive], floor, near)
-    return PoseEmFit(parameters, previous, max_iterations, False)
+    return parameters, previous, max_iterations, False
 
 
-def windows_in_time(time: np.ndarray, n_components: int, overlap: float) -> np.ndarray:
-    """Responsibilities (n, K) of Gaussian windows in the middle of K equal intervals of time (n,);
-    overlap in intervals.
+def responsibilities_by_kmeans(
+    blocks: Blocks, weights: np.ndarray, n_components: int, rng: np.random.Generator
+) -> np.ndarray:
+    """(n, K) by k-means++ of the tangent vectors at the mean of all samples, in units of their
+    spread, over all blocks.
     """
-    interval = (time.max() - time.min()) / n_components
-    if interval <= 0:
-        raise ValueError(
-            f"all samples have the time {time[0]:g}, there are no intervals; use partition='em',"
-            " or give time in column 0"
-        )
-    centres = time.min() + interval * (0.5 + np.arange(n_components))
-    return normalise_log(-0.5 * np.square((time[:, None] - centres) / (overlap * interval)))[0]
+    share = weights[:, None] / weights.sum()
+    flat = [
+        log_at(means_of(rows, share), rows) / scale
+        for rows, scale in zip(blocks.rows, blocks.scales, strict=True)
+    ]
+    return kmeans_start(np.hstack(flat), weights, n_components, rng)

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from dart_skill.common import quaternions
 from dart_skill.common.checks import LARGEST_LEARNABLE, as_vector
 from dart_skill.common.constants import UNTURNED
+from dart_skill.movement._placement import moments_of
 from dart_skill.movement.pose._manifold import as_points, turn_covariances
 
 IDENTITY = np.array(UNTURNED)
@@ -105,31 +106,19 @@ class Stage:
         cls, courses: Sequence[PoseCourse], n: int, name: str, n_frames: int | None = None
     ) -> Stage:
         """Frames as given for n moments; a single moment if none of them moves."""
-        if len(courses) == 0 or (n_frames is not None and len(courses) != n_frames):
-            raise ValueError(
-                f"{name} has {len(courses)} task frames, expected {n_frames or 'at least 1'}"
-            )
-        lists = [
-            _as_frames(course, n, f"task frame {j} of {name}") for j, course in enumerate(courses)
-        ]
-        m = max(len(frames) for frames in lists)
-        there = [
-            [frame or PoseFrame(np.zeros(3)) for frame in frames] * (m // len(frames))
-            for frames in lists
-        ]
-        seen = np.array(
-            [[frame is not None for frame in frames] * (m // len(frames)) for frames in lists]
-        ).T
+        moments = moments_of(courses, n, name, n_frames, (PoseFrame,))
+        seen = np.array([[frame is not None for frame in row] for row in moments])
         if not seen.any(1).all():
             raise ValueError(
                 f"all task frames are missing at moment {int(seen.any(1).argmin())} of {name};"
                 " give one at least"
             )
-        arrays = [
-            np.swapaxes([[getattr(f, part) for f in frames] for frames in there], 0, 1)
-            for part in ("position", "orientation")
-        ]
-        return cls(arrays[0], arrays[1], seen)
+        frames = [[frame or PoseFrame(np.zeros(3)) for frame in row] for row in moments]
+        return cls(
+            np.array([[frame.position for frame in row] for row in frames]),
+            np.array([[frame.orientation for frame in row] for row in frames]),
+            seen,
+        )
 
     def place(self, means: np.ndarray, covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Gaussians of the frames in the world: means (P, K, w) as (m, K, P, w), covariances (P,
@@ -142,13 +131,3 @@ class Stage:
             covariances.shape[-1] - 6,
         )
         return np.swapaxes(world, 1, 2), np.swapaxes(turned, 1, 2)
-
-
-def _as_frames(course: PoseCourse, n: int, name: str) -> list[PoseFrame | None]:
-    frames = list(course) if isinstance(course, Sequence) else [course]
-    if isinstance(course, Sequence) and len(frames) != n:
-        raise ValueError(f"{name} is given for {len(frames)} samples, there are {n}")
-    for frame in frames:
-        if not isinstance(frame, PoseFrame | None):
-            raise ValueError(f"{name} must be a PoseFrame or None, got {type(frame).__name__}")
-    return frames

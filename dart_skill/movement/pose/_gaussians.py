@@ -7,18 +7,30 @@ there; it is one to second order in the spread.
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
+from dataclasses import dataclass
 
-from dart_skill.common.checks import require_near
-from dart_skill.mixture import cholesky, normalise_log, symmetric
-from dart_skill.movement.pose._derivatives import bend, inverse_jacobians
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dart_skill.common.checks import (
+    as_covariances,
+    as_dims,
+    as_finite,
+    as_samples,
+    require_near,
+)
+from dart_skill.mixture import checked_priors, cholesky, normalise_log, symmetric
+from dart_skill.movement.pose._frames import as_rows
 from dart_skill.movement.pose._manifold import (
+    as_points,
     exp_at,
     log_at,
     settle,
     transport_matrices,
     turn_covariances,
 )
+from dart_skill.movement.pose._rotation_vectors import bend, inverse_jacobians
 
 LOG_2PI = float(np.log(2.0 * np.pi))
 MAX_STEPS = 100
@@ -54,26 +66,17 @@ def product_at(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mode (..., n + 4) and covariance (..., d, d) of the product of P Gaussians.
 
+    The mode minimises the sum of r' S^-1 r with r = log_mean(x), by Newton's method (Zeestraten
+    2017 iterates with parallel transport in the place of the derivative of the logarithm; for near
+    factors that is the same). The search begins at each factor's mean, and the best end counts:
+    two factors that differ by nearly half a turn have two minima.
+
     Parameters
     ----------
     means : (..., P, n + 4)
-        Which factors are there. The mode minimises the sum of r' S^-1 r with r = log_mean(x), by
-        Newton's method (Zeestraten 2017 iterates with parallel transport in the place of the
-        derivative of the logarithm; for near factors that is the same). The search begins at each
-        factor's mean, and the best end counts: two factors that differ by nearly half a turn have
-        two minima.
     covariances : (..., P, d, d)
-        Which factors are there. The mode minimises the sum of r' S^-1 r with r = log_mean(x), by
-        Newton's method (Zeestraten 2017 iterates with parallel transport in the place of the
-        derivative of the logarithm; for near factors that is the same). The search begins at each
-        factor's mean, and the best end counts: two factors that differ by nearly half a turn have
-        two minima.
     seen : (..., P)
-        Which factors are there. The mode minimises the sum of r' S^-1 r with r = log_mean(x), by
-        Newton's method (Zeestraten 2017 iterates with parallel transport in the place of the
-        derivative of the logarithm; for near factors that is the same). The search begins at each
-        factor's mean, and the best end counts: two factors that differ by nearly half a turn have
-        two minima.
+        Which factors are there.
     """
     whiteners = seen[..., None, None] * np.linalg.inv(
         cholesky(covariances, "covariance of factor")
@@ -209,3 +212,125 @@ def _turned_half(covariances: np.ndarray, ways: np.ndarray) -> np.ndarray:
 
 def _others(into: np.ndarray, size: int) -> np.ndarray:
     return np.setdiff1d(np.arange(size), into)
+
+
+# --- for users ---
+
+
+def product_of_poses(means: ArrayLike, covariances: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Product of P Gaussians on R^n x S3: its mode (n + 4,) and its covariance (n + 3, n + 3) in
+    the tangent space there.
+
+    The mode is where the product of the densities is largest; the covariance is that of its
+    quadratic approximation. With little spread and near means both are those of (3.8).
+
+    Parameters
+    ----------
+    means
+        (P, n + 4), the last four columns unit quaternions.
+    covariances
+        (P, n + 3, n + 3), positive definite, each in the tangent space at its own mean, in world
+        axes.
+
+    Raises
+    ------
+    ValueError
+        For what is not finite, of another shape, not positive definite, or for a quaternion whose
+        length is not 1.
+    """
+    means = as_points(means, "means", ndim=2)
+    size = means.shape[1] - 1
+    spreads = as_covariances(covariances, "covariances", (len(means), size, size))
+    return product_at(means, spreads, np.ones(len(means), dtype=bool))
+
+
+@dataclass(frozen=True, eq=False)
+class PoseMixture:
+    """Mixture of K Gaussians over rows of q numbers, a position [m] and a unit quaternion x, y, z,
+    w.
+
+    Parameters
+    ----------
+    priors_ : (K,)
+        Positive, with sum one.
+    means_ : (K, q + 7)
+    covariances_ : (K, q + 6, q + 6)
+        Positive definite, in the tangent space at the mean: numbers, position [m], rotation vector
+        [rad] in world axes.
+
+    Raises
+    ------
+    ValueError
+        For other shapes or values.
+    """
+
+    priors_: np.ndarray
+    means_: np.ndarray
+    covariances_: np.ndarray
+
+    def __post_init__(self) -> None:
+        priors, means = checked_priors(self.priors_), as_rows(self.means_, "means")
+        if len(means) != len(priors):
+            raise ValueError(f"one mean per prior is needed, got {len(means)} for {len(priors)}")
+        size = means.shape[1] - 1
+        covariances = as_covariances(self.covariances_, "covariances", (len(means), size, size))
+        cholesky(covariances, "covariance of component")
+        for name, value in zip(
+            ("priors_", "means_", "covariances_"), (priors, means, covariances), strict=True
+        ):
+            object.__setattr__(self, name, value)
+
+    def regress(
+        self, inputs: ArrayLike, input_dims: ArrayLike | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (n, o + 4) and covariance (n, o + 3, o + 3) of all other columns, given inputs (n,
+        i): regression on the manifold.
+
+        The mean is a row of the columns that are left, in order, and a unit quaternion. The
+        covariance is in the tangent space there: within the components, and between them.
+
+        Parameters
+        ----------
+        inputs
+            (n, i), or (n,) for one input column.
+        input_dims
+            i columns of numbers or position, no quaternion; default: the q numbers, so that poses
+            (n, 7) are returned.
+
+        Raises
+        ------
+        ValueError
+            For columns that there are not, or inputs that are not finite or so far away that their
+            density overflows.
+        """
+        return regress_rows(
+            self.priors_, self.means_[None], self.covariances_[None], inputs, input_dims
+        )
+
+
+def regress_rows(
+    priors: np.ndarray,
+    means: np.ndarray,
+    covariances: np.ndarray,
+    inputs: ArrayLike,
+    input_dims: ArrayLike | Sequence[int] | None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """`PoseMixture.regress` with checks, for one mixture or one for each query: means (m, K, w),
+    covariances (m, K, d, d).
+    """
+    n_numbers = means.shape[-1] - 7
+    if input_dims is None and n_numbers == 0:
+        raise ValueError(
+            "the mixture has no number such as time before the pose; give input_dims, columns of"
+            " the position"
+        )
+    into = as_dims(
+        np.arange(n_numbers) if input_dims is None else input_dims,
+        means.shape[-1] - 4,
+        "input_dims",
+    )
+    given = as_finite(inputs, "inputs")
+    rows = as_samples(
+        given[:, None] if given.ndim == 1 and len(into) == 1 else given, "inputs", len(into)
+    )
+    return regress_at(priors, means, covariances, rows, into)

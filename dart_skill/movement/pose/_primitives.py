@@ -28,16 +28,21 @@ from numpy.typing import ArrayLike
 
 from dart_skill.common import quaternions
 from dart_skill.common.checks import as_finite, as_vector
+from dart_skill.common.hyper_parameters import Arrays, SavableModel, array_of
 from dart_skill.movement._demonstrations import are_several, complete
 from dart_skill.movement._period import as_period, estimate_period, mean_over_periods
 from dart_skill.movement._primitive import Primitive, PrimitiveState
 from dart_skill.movement._primitives import DiscretePrimitive, RhythmicPrimitive
-from dart_skill.movement._saved import Arrays, SavableModel, array_of
 from dart_skill.movement._time import as_stamps
-from dart_skill.movement.pose._chart import nearest, path_about, slope_of, turning
-from dart_skill.movement.pose._derivatives import cross
 from dart_skill.movement.pose._manifold import mean_point
 from dart_skill.movement.pose._motion import PoseMotion, as_pose, as_poses
+from dart_skill.movement.pose._rotation_vectors import (
+    cross,
+    nearest,
+    path_about,
+    slope_of,
+    turning,
+)
 
 TOLERANCE = (0.03, 0.1)
 BASELINE_PASSES = 8

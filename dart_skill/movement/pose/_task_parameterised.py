@@ -14,50 +14,57 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dart_skill.common.hyper_parameters import Arrays, SavableModel, array_of
 from dart_skill.mixture import (
+    DEAD_SHARE,
+    EMEstimator,
     Parameters,
     checked_priors,
     cholesky,
     n_free_parameters,
+    require_enough,
     sliced_start,
 )
 from dart_skill.movement._placement import Weights
-from dart_skill.movement._saved import Arrays, SavableModel, array_of
-from dart_skill.movement._task_parameterised import LEAST_SHARE, STARTS, as_sample_weights
+from dart_skill.movement._task_parameterised import (
+    LEAST_SHARE,
+    STARTS,
+    as_sample_weights,
+    windows_in_time,
+)
 from dart_skill.movement.pose._em import (
     Blocks,
     expectation,
+    iterate,
     maximisation,
+    responsibilities_by_kmeans,
     scales_of,
     tangents_at,
-    windows_in_time,
 )
 from dart_skill.movement.pose._frames import PoseCourse, Stage, as_rows, see
-from dart_skill.movement.pose._gaussians import product_at
-from dart_skill.movement.pose._mixture import (
-    PoseEstimator,
-    PoseMixture,
-    regress_rows,
-    responsibilities_by_kmeans,
-)
+from dart_skill.movement.pose._gaussians import PoseMixture, product_at, regress_rows
 
 PoseFrames = Sequence[Sequence[PoseCourse]]
 """P frames for each demonstration."""
 
 
-class TaskParameterisedPoseMixture(PoseEstimator, SavableModel):
+class TaskParameterisedPoseMixture(EMEstimator, SavableModel):
     """Mixture of K components in P task frames over rows of q numbers, of which column 0 is time,
     and a pose.
 
     Frames are given as P entries per demonstration: a PoseFrame, a list of them with one for each
     sample, or None, in the list too, where the frame is missing.
 
-    ; those that are not here are as in `PoseMixture`:
-
-    After `fit`:
+    A component should turn by less than half a turn about its mean; a movement that turns farther
+    needs time among the numbers, and components enough.
 
     Parameters
     ----------
+    n_components, tolerance, max_iterations, n_starts
+        As of `EMEstimator`.
+    covariance_floor
+        Float, default 1e-6. Least variance of a component in any direction, relative to the
+        variance of the data: of each number, of the position and of the rotation.
     start
         "time" (default) cuts the samples into K slices of equal weight along column 0, and needs
         no generator; "kmeans" clusters them as seen from all frames.
@@ -135,7 +142,7 @@ class TaskParameterisedPoseMixture(PoseEstimator, SavableModel):
             For a start that these demonstrations do not allow, or if rng is missing.
         """
         blocks, mass = self._seen(samples, frames, weights)
-        self._require_enough(mass)
+        require_enough(int((mass > 0).sum()), self.n_components)
         if self.start == "kmeans":
             if rng is None:
                 raise ValueError("start='kmeans' needs rng=numpy.random.default_rng(seed)")
@@ -143,19 +150,29 @@ class TaskParameterisedPoseMixture(PoseEstimator, SavableModel):
                 raise ValueError(
                     "start='kmeans' needs every frame in every sample; use start='time'"
                 )
-            generator = rng
-            self._set(
-                self._best_run(
+            starts = [
+                responsibilities_by_kmeans(blocks, mass, self.n_components, rng)
+                for _ in range(self.n_starts)
+            ]
+        else:
+            starts = [sliced_start(self._time(blocks), mass, self.n_components)]
+        fits = []
+        for start in starts:
+            counts = start[:, start.any(0)] * mass[:, None]
+            first = maximisation(blocks, counts, self.covariance_floor)[0]
+            fits.append(
+                iterate(
                     blocks,
                     mass,
-                    lambda: responsibilities_by_kmeans(blocks, mass, self.n_components, generator),
+                    first,
+                    self.covariance_floor,
+                    self.tolerance,
+                    self.max_iterations,
                 )
             )
-        else:
-            time = self._time(blocks)
-            self._set(
-                self._best_run(blocks, mass, lambda: sliced_start(time, mass, self.n_components))
-            )
+        best, likelihood, self.n_iterations_, self.converged_ = max(fits, key=lambda fit: fit[1])
+        self.log_likelihood_ = likelihood * float(mass.sum())
+        self._set(best)
         return self
 
     def fit_in_time(
@@ -181,7 +198,7 @@ class TaskParameterisedPoseMixture(PoseEstimator, SavableModel):
         """
         blocks, mass = self._seen(samples, frames, weights)
         counts = windows_in_time(self._time(blocks), self.n_components, overlap) * mass[:, None]
-        kept = counts.sum(0) > 1e-3 * mass.mean()
+        kept = counts.sum(0) > DEAD_SHARE * mass.mean()
         self._set(maximisation(blocks, counts[:, kept], self.covariance_floor)[0])
         return self
 
@@ -289,7 +306,7 @@ class TaskParameterisedPoseMixture(PoseEstimator, SavableModel):
         means, covariances = self._products(
             Stage.of(frames, 1, "the new situation", len(self.means_))
         )
-        return PoseMixture._made(self.priors_, means[0], covariances[0])
+        return PoseMixture(self.priors_, means[0], covariances[0])
 
     def regress(
         self, frames: Sequence[PoseCourse], inputs: ArrayLike, input_dims: ArrayLike | None = None

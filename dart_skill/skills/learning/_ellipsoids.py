@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dart_skill.common.rotations import of_matrices
+from dart_skill.common.quaternions import of_matrices
 from dart_skill.mixture import GaussianMixture
 
 

@@ -14,7 +14,7 @@ from nav_msgs.msg import Path
 from rclpy.node import Node
 
 from dart_skill.arm import ArmState, Commander, Grip, Mode, MotionPlan
-from dart_skill.common.rotations import of_matrices
+from dart_skill.common.quaternions import of_matrices
 from dart_skill.skills.execution import ReactiveGuide
 from dart_skill.skills.learning import Policy
 from dart_skill.skills.observation import ARRIVAL_NS

@@ -8,9 +8,9 @@ from dart_skill.common.quaternions import (
     CONJUGATE,
     from_vectors,
     matrices,
+    of_matrices,
     product,
     rotate,
-    rotate_one,
     to_vectors,
     unit,
 )
@@ -53,12 +53,15 @@ def test_products_are_those_of_scipy(left, right):
 def test_rotated_vectors_and_matrices_are_those_of_scipy(left, vectors):
     wanted = Rotation.from_quat(left)
     np.testing.assert_allclose(rotate(left, vectors), wanted.apply(vectors), atol=1e-14)
-    np.testing.assert_allclose(
-        [rotate_one(*pair) for pair in zip(left, vectors, strict=True)],
-        wanted.apply(vectors),
-        atol=1e-14,
-    )
     np.testing.assert_allclose(matrices(left), wanted.as_matrix(), atol=1e-14)
+
+
+def test_quaternions_of_matrices_have_the_same_rotation(left):
+    half_turns = np.concatenate([np.eye(4), np.sqrt(0.5) * np.array([[1.0, 1.0, 0.0, 0.0]])])
+    for given in (left, half_turns):
+        found = of_matrices(matrices(given))
+        np.testing.assert_allclose(np.abs(np.einsum("ni,ni->n", found, given)), 1.0, atol=1e-14)
+        assert (found.max(axis=1) == np.abs(found).max(axis=1)).all()
 
 
 def test_leading_shapes_are_broadcast_to_the_same_bits(left, right, vectors):

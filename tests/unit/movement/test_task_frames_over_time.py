@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from dart_skill.mixture import Gaussian, regress
 from dart_skill.movement import DSGMR, PartialFrame, TaskFrame, TaskParameterisedMixture
-from dart_skill.movement._placement import Placement
 
 STEPS = np.linspace(0.0, 1.0, 60)
 IDENTITY = TaskFrame(np.eye(3), np.zeros(3))
@@ -423,20 +422,3 @@ def test_situations_that_do_not_fit_the_mixture_are_refused():
 def test_a_partial_frame_without_independent_columns_is_refused(matrix):
     with pytest.raises(ValueError, match="independent columns|nan"):
         PartialFrame(matrix, np.zeros(len(matrix)))
-
-
-@pytest.mark.parametrize("n_seen", [2, 3, 5])
-def test_samples_of_a_frame_at_rest_are_seen_as_those_of_one_that_is_given_for_each(n_seen):
-    """To the last bit."""
-    rng = np.random.default_rng(n_seen)
-    world, lengths = rng.normal(size=(150, 5)), [70, 30, 50]
-    matrices, offsets = rng.normal(size=(2, 5, n_seen)), rng.normal(size=(2, 5))
-    place = np.repeat([0, -1, 1], lengths)
-    rests = Placement(matrices, offsets, place)
-    moves = Placement(
-        np.repeat(matrices, 75, axis=0),
-        np.repeat(offsets, 75, axis=0),
-        np.where(place < 0, -1, 75 * place),
-    )
-    np.testing.assert_array_equal(rests.see(world), moves.see(world))
-    assert np.isnan(rests.see(world)[place < 0]).all()

@@ -417,19 +417,6 @@ def test_around_equal_intervals_it_is_the_fit_in_equal_intervals():
     assert_same(equal.fit_around(samples, frames, overlap=0.7), expected)
 
 
-def test_both_steps_at_once_are_one_after_the_other():
-    samples, frames = taught()
-    weights = np.linspace(0.0, 1.0, len(samples))
-    expected = (
-        TaskParameterisedMixture(4)
-        .fit(samples, frames, weights)
-        .fit_around(samples, frames, weights, overlap=0.5)
-    )
-    found = TaskParameterisedMixture(4).fit_and_around(samples, frames, weights, overlap=0.5)
-    for name in ("priors_", "means_", "covariances_"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
-
-
 def test_each_component_is_of_all_demonstrations_then():
     """EM gives components to the two that go another way in the middle; each is then the average
     of what all do around its time.

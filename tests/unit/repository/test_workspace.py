@@ -277,14 +277,14 @@ def test_a_module_that_was_not_compiled_meanwhile_is_compiled_in_a_step_of_its_o
     monkeypatch.setattr(
         workspace,
         "stale_modules",
-        lambda: [workspace.ROOT / "dart_skill" / "common" / "rotations.py"],
+        lambda: [workspace.ROOT / "dart_skill" / "common" / "small_matrices.py"],
     )
     _, modules = installing()
     assert not modules.is_done()
     monkeypatch.setattr(workspace, "run", lambda *_: None)
     with pytest.raises(
         workspace.SetupError,
-        match=r"dart_skill/common/rotations\.py was not compiled: .* says why",
+        match=r"dart_skill/common/small_matrices\.py was not compiled: .* says why",
     ):
         modules.work(
             workspace.Workspace(

@@ -2,16 +2,12 @@
 Pinocchio.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import DART, ArmModel, wam_description, write_urdf
-from dart_skill.simulation import ArmGeometry
-from dart_skill.simulation._arm_geometry import ArmDynamics
-from dart_skill.simulation._bullet import connect, pybullet
+from dart_skill.arm import ArmModel, wam_description
+from dart_skill.simulation import ArmDynamics, ArmGeometry, connect
 from tests.interpreted import interpreted
 
 
@@ -67,50 +63,29 @@ def motions(n):
     return zip(postures(n), rng.uniform(-3.0, 3.0, size=(n, 7)), strict=True)
 
 
-@pytest.mark.parametrize("ball_in_hand", [False, True])
-def test_dynamics_are_those_of_the_controllers_model_from_other_frames(ball_in_hand):
-    arm, model = ArmDynamics(ball_in_hand=ball_in_hand), ArmModel(ball_in_hand=ball_in_hand)
-    for q, qd in motions(20):
-        gravity = arm.gravity_torque(q).copy()
-        inertia, bias = arm.terms(q, qd)
-        np.testing.assert_allclose(inertia, model.mass_matrix(q, rotors=False), atol=1e-12)
-        np.testing.assert_allclose(gravity, model.gravity_torque(q), atol=1e-11)
-        np.testing.assert_allclose(bias, gravity + model.coriolis_torque(q, qd), atol=1e-11)
-
-
-@pytest.mark.parametrize("ball", [None, wam_description().ball, DART])
-def test_dynamics_are_those_of_pybullet(ball, tmp_path):
-    """PyBullet turns inertias to principal axes, which costs it some digits."""
-    description = replace(wam_description(), ball=ball or DART)
-    (tmp_path / "arm.urdf").write_text(
-        write_urdf(description, ball is not None, shapes=False), encoding="utf-8"
-    )
-    client, arm = connect(), ArmDynamics(description, ball is not None)
-    client.setGravity(0, 0, -description.gravity)
-    body = client.loadURDF(
-        str(tmp_path / "arm.urdf"), useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE
-    )
-    for q, qd in motions(20):
-        inertia, bias = arm.terms(q, qd)
-        np.testing.assert_allclose(
-            inertia, client.calculateMassMatrix(body, q.tolist()), atol=1e-8
-        )
-        np.testing.assert_allclose(
-            bias,
-            client.calculateInverseDynamics(body, q.tolist(), qd.tolist(), [0.0] * 7),
-            atol=1e-7,
-        )
+@pytest.fixture
+def server():
+    client = connect()
+    client.setGravity(0, 0, -wam_description().gravity)
+    yield client
     client.disconnect()
 
 
+@pytest.mark.parametrize("ball_in_hand", [False, True])
+def test_dynamics_are_those_of_the_controllers_model_from_other_frames(server, ball_in_hand):
+    """PyBullet turns inertias to principal axes, which costs it some digits."""
+    arm = ArmDynamics(server, wam_description(), ball_in_hand)
+    model = ArmModel(ball_in_hand=ball_in_hand)
+    for q, qd in motions(20):
+        gravity = arm.gravity_torque(q)
+        inertia, bias = arm.terms(q, qd)
+        np.testing.assert_allclose(inertia, model.mass_matrix(q, rotors=False), atol=1e-8)
+        np.testing.assert_allclose(gravity, model.gravity_torque(q), atol=1e-7)
+        np.testing.assert_allclose(bias, gravity + model.coriolis_torque(q, qd), atol=1e-7)
+
+
 def test_compiled_and_interpreted_have_the_same_bits():
-    plain = interpreted("dart_skill.simulation._arm_geometry")
+    ours, theirs = ArmGeometry(), interpreted("dart_skill.simulation._arm_geometry").ArmGeometry()
     for q in postures(20):
-        ours, theirs = ArmGeometry(), plain.ArmGeometry()
         np.testing.assert_array_equal(ours.capsules(q, 0.2)[0], theirs.capsules(q, 0.2)[0])
         np.testing.assert_array_equal(ours.in_joints(q, q[1:]), theirs.in_joints(q, q[1:]))
-    ours, theirs = ArmDynamics(ball_in_hand=True), plain.ArmDynamics(ball_in_hand=True)
-    for q, qd in motions(5):
-        np.testing.assert_array_equal(ours.gravity_torque(q), theirs.gravity_torque(q))
-        for part, same_part in zip(ours.terms(q, qd), theirs.terms(q, qd), strict=True):
-            np.testing.assert_array_equal(part, same_part)

@@ -3,18 +3,15 @@ test_motion_capture.py.
 """
 
 import numpy as np
-import pytest
 
-from dart_skill.simulation import BasketWalls, Camera
-from dart_skill.simulation._lines_of_sight import LinesOfSight
-from tests.interpreted import interpreted
+from dart_skill.simulation import BasketWalls, Camera, LinesOfSight
 
 RIM = np.array([0.1, 0.2, 0.6])
 BASKET = BasketWalls(RIM, radius=0.4, depth=0.5)
 WALL = np.array([[*RIM, BASKET.radius, BASKET.depth]])
 
 
-def looking(kind=LinesOfSight, clearance=0.1, n_cameras=12):
+def looking(clearance=0.1, n_cameras=12):
     """Cameras in a circle that look at its middle."""
     angles = 2 * np.pi * np.arange(n_cameras) / n_cameras
     cameras = [
@@ -25,7 +22,7 @@ def looking(kind=LinesOfSight, clearance=0.1, n_cameras=12):
         [getattr(one, name) for one in cameras]
         for name in ("position", "axes", "half_angles", "range")
     )
-    return kind(*(np.array(part) for part in parts), clearance)
+    return LinesOfSight(*(np.array(part) for part in parts), clearance)
 
 
 def scene(n_frames=20, n_points=5, n_capsules=4):
@@ -77,13 +74,3 @@ def test_the_wall_of_a_basket_hides_as_marching_along_the_line_says():
         ).min()
         assert seen[-1] == (not hidden) or near < 1e-3, (point, height)
     assert 50 < sum(seen) < 250, "the cases must contain both"
-
-
-@pytest.mark.parametrize("walled", [False, True])
-def test_compiled_and_interpreted_have_the_same_bits(walled):
-    points, ends, radii, walls = scene()
-    views = looking(), looking(interpreted("dart_skill.simulation._lines_of_sight").LinesOfSight)
-    ours, theirs = (
-        view.count(points, ends, radii, walls if walled else None, 12) for view in views
-    )
-    np.testing.assert_array_equal(ours, theirs)
