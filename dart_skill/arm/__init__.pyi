@@ -14,6 +14,7 @@ from dart_skill.arm._commander import PlanRefused as PlanRefused
 from dart_skill.arm._description import DART as DART
 from dart_skill.arm._description import HeldBall as HeldBall
 from dart_skill.arm._description import WamDescription as WamDescription
+from dart_skill.arm._description import parse_description as parse_description
 from dart_skill.arm._description import wam_description as wam_description
 from dart_skill.arm._description import with_box as with_box
 from dart_skill.arm._effort_bridge import BridgePhase as BridgePhase
@@ -32,6 +33,7 @@ from dart_skill.arm._hand_eye import fit_positions as fit_positions
 from dart_skill.arm._hand_eye import similarity as similarity
 from dart_skill.arm._hand_eye import turn_angles as turn_angles
 from dart_skill.arm._impedance import Impedance as Impedance
+from dart_skill.arm._impedance import JointServo as JointServo
 from dart_skill.arm._impedance import PoseGains as PoseGains
 from dart_skill.arm._impedance import Reference as Reference
 from dart_skill.arm._impedance import attractor_acceleration as attractor_acceleration
@@ -58,8 +60,8 @@ from dart_skill.arm._safety import SafetyModule as SafetyModule
 from dart_skill.arm._safety import check_push as check_push
 from dart_skill.arm._throw_plan import ThrowPlan as ThrowPlan
 from dart_skill.arm._throw_plan import same_plan as same_plan
-from dart_skill.arm._transforms import Transform as Transform
-from dart_skill.arm._transforms import fixed_transforms as fixed_transforms
-from dart_skill.arm._transforms import joint_transforms as joint_transforms
+from dart_skill.arm._urdf import Transform as Transform
+from dart_skill.arm._urdf import fixed_transforms as fixed_transforms
+from dart_skill.arm._urdf import joint_transforms as joint_transforms
 from dart_skill.arm._urdf import write_urdf as write_urdf
 from dart_skill.common.constants import Grip as Grip

@@ -8,6 +8,7 @@ is asked at every state. Between two motions the joints are held. A limit that f
 to a damped stop and leaves its reason in `message`.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from enum import Enum
@@ -26,7 +27,6 @@ from dart_skill.arm._impedance import (
     minimum_jerk,
     rotation_error,
 )
-from dart_skill.arm._joint_checks import JointRange, distance, farthest, largest
 from dart_skill.arm._model import ArmModel
 from dart_skill.arm._motion_plan import MotionPlan
 from dart_skill.arm._registration import Registration
@@ -191,7 +191,6 @@ class Commander:
             self._description.of_joints("lower"),
             self._description.of_joints("upper"),
         )
-        self._range = JointRange(self._lower, self._upper)
         self._loaded = Impedance(ArmModel(self._description, ball_in_hand=True), share)
         self._empty = Impedance(ArmModel(self._description, ball_in_hand=False), share)
         # always in the state of the arm, not in that of an expected motion
@@ -320,7 +319,7 @@ class Commander:
         self._check_not_stopped()
         if self._mode == Mode.FREE:
             raise PlanRefused(
-                "the arm is released, and somebody may hold it: hold it first (~/release_arm with"
+                "the arm is released, and a person may hold it: hold it first (~/release_arm with"
                 " false)"
             )
 
@@ -465,7 +464,7 @@ class Commander:
     # one method per mode
 
     def _holding(self, state: ArmState) -> Command:
-        if not self._found and largest(state.velocity) > REST_SPEED:
+        if not self._found and _fastest(state) > REST_SPEED:
             self._enter(Mode.STOPPING, state)
             return self._stopping(state)
         self._found = True
@@ -495,7 +494,7 @@ class Commander:
         )
 
     def _settling(self, state: ArmState) -> Command:
-        if largest(state.velocity) > self.settings.settle_speed:
+        if _fastest(state) > self.settings.settle_speed:
             self._quiet_ns = state.stamp_ns
         quiet = (state.stamp_ns - self._quiet_ns) * 1e-9
         if quiet >= self.settings.settle_time or self.time >= self.settings.settle_limit:
@@ -514,7 +513,7 @@ class Commander:
         self._carries = now.carries
         self.reference, self.tracking_error = (
             now.reference,
-            distance(now.reference.position, hand.position),
+            math.dist(now.reference.position, hand.position),
         )
         if reason := now.fault or self._limit_broken(state, now.off):
             self.stop(reason)
@@ -576,7 +575,7 @@ class Commander:
         return self._come_to_rest(state)
 
     def _come_to_rest(self, state: ArmState) -> Command:
-        if largest(state.velocity) < REST_SPEED or self.time > LONGEST_STOP:
+        if _fastest(state) < REST_SPEED or self.time > LONGEST_STOP:
             self._hold, self._found = None, True
             self._enter(Mode.HOLDING, state)
             return self._holding(state)
@@ -614,10 +613,9 @@ class Commander:
         """ValueError for a state that the arm cannot have come to from the last one; after a gap
         it may be anywhere.
         """
-        if (most := farthest(state.position, last.position)) > JUMP + JUMP_SPEED * gap:
-            name = self._description.joints[
-                int(np.abs(state.position - last.position).argmax())
-            ].name
+        ways = [abs(way) for way in (state.position - last.position).tolist()]
+        if (most := max(ways)) > JUMP + JUMP_SPEED * gap:
+            name = self._description.joints[ways.index(most)].name
             raise ValueError(
                 f"{name} jumped by {most:.2f} rad within {gap:.3f} s: that is another arm, or the"
                 " message is damaged"
@@ -661,10 +659,9 @@ class Commander:
 
     def _limit_broken(self, state: ArmState, off: float) -> str:
         margin = self.settings.limits.joint_margin
-        if not self._range.holds(state.position, margin):
-            j = int(
-                np.maximum(state.position - self._upper, self._lower - state.position).argmax()
-            )
+        room = np.minimum(state.position - self._lower, self._upper - state.position).tolist()
+        if not min(room) >= margin:
+            j = room.index(min(room))
             return (
                 f"j{j + 1} is at {state.position[j]:.3f} rad, closer than {margin} rad to the end"
                 " of its range"
@@ -675,6 +672,11 @@ class Commander:
                 f" {self.settings.farthest_error} m"
             )
         return ""
+
+
+def _fastest(state: ArmState) -> float:
+    """Speed of the fastest joint [rad/s]."""
+    return max(abs(speed) for speed in state.velocity.tolist())
 
 
 def _gone_by(gap: float) -> str:

@@ -6,21 +6,6 @@ from dart_skill.common.small_matrices cimport factor_into, solve_into
 
 cpdef turn(const double[:, :] target, const double[:, :] rotation)
 
-cpdef pull(
-    const double[:] position, const double[:, :] rotation, const double[:] velocity,
-    const double[:] hand_position, const double[:, :] hand_rotation, const double[:] hand_velocity,
-    const double[:] stiffness, const double[:] damping)
-
-@cython.locals(i=Py_ssize_t)
-cdef _add_pull(
-    const double[:] position, const double[:, :] rotation, const double[:] velocity,
-    const double[:] hand_position, const double[:, :] hand_rotation, const double[:] hand_velocity,
-    const double[:] stiffness, const double[:] damping, double[:] error, double[:] acceleration)
-
-cdef _check_pull(
-    const double[:] position, const double[:, :] rotation, const double[:] velocity, const double[:] stiffness,
-    const double[:] damping)
-
 @cython.locals(x=double, y=double, z=double, trace=double, sine=double, cosine=double, scale=double)
 cdef _turn(const double[:, :] target, const double[:, :] rotation, double[:] result, Py_ssize_t k)
 
@@ -36,15 +21,17 @@ cdef class Drive:
     cdef object _mobility
     cdef double[::1] _mobile, _wanted, _disturbing, _wrench, _free, _null, _total
 
+    @cython.locals(i=Py_ssize_t, error=double[::1])
     cpdef add_pull(
         self, ArmTerms terms, const double[:] position, const double[:, :] rotation, const double[:] velocity,
         const double[:] stiffness, const double[:] damping, double[:] acceleration)
 
-    @cython.locals(j=Py_ssize_t, torque=double[::1])
     cpdef act(self, ArmTerms terms, const double[:] acceleration, const double[:] posture)
 
-    @cython.locals(j=Py_ssize_t, torque=double[::1])
     cpdef moved(self, ArmTerms terms, const double[:] acceleration, const double[:] posture)
+
+    @cython.locals(j=Py_ssize_t, torque=double[::1], friction=double)
+    cdef _torque(self, ArmTerms terms, double driven)
 
     @cython.locals(j=Py_ssize_t, torque=double[::1])
     cpdef friction(self, const double[:] qd, const double[:] drive)
@@ -62,9 +49,6 @@ cdef class Drive:
     @cython.locals(
         i=Py_ssize_t, k=Py_ssize_t, along=double, mobile=double, least=double, directions=double[:, ::1], wrench=double[::1])
     cdef _as_wrench(self, double[::1] acceleration)
-
-    @cython.locals(i=Py_ssize_t)
-    cdef _told(self, double[:] wrench)
 
 cdef class JointSpring:
     cdef const double[:] _stiffness, _damping, _limit
@@ -91,8 +75,3 @@ cpdef with_swing(const double[:] posture, const double[:] q)
 
 @cython.locals(i=Py_ssize_t, force=double, moment=double, shortened=double[::1])
 cpdef cut(const double[:] wrench, double most_force, double most_moment)
-
-@cython.locals(
-    n=Py_ssize_t, i=Py_ssize_t, s=double, left=double, share=double, speed=double, faster=double, way=double, at=double[::1],
-    moving=double[::1], accelerating=double[::1])
-cpdef least_jerk(const double[:] start, const double[:] end, double duration, double time)

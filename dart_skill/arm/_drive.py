@@ -20,115 +20,10 @@ from dart_skill.common.small_matrices import factor_into, solve_into
 
 
 def turn(target: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Rotation vector (3,) in world axes that turns `rotation` (3, 3) into `target` (3, 3) [rad].
-
-    Raises
-    ------
-    ValueError
-        For other shapes.
-    """
-    if (
-        target.shape[0] != 3
-        or target.shape[1] != 3
-        or rotation.shape[0] != 3
-        or rotation.shape[1] != 3
-    ):
-        raise ValueError(
-            f"rotations of shapes {np.shape(target)} and {np.shape(rotation)} are no matrices"
-            " (3, 3)"
-        )
+    """Rotation vector (3,) in world axes that turns `rotation` (3, 3) into `target` (3, 3) [rad]."""
     result = np.empty(3)
     _turn(target, rotation, result, 0)
     return result
-
-
-def pull(
-    position: np.ndarray,
-    rotation: np.ndarray,
-    velocity: np.ndarray,
-    hand_position: np.ndarray,
-    hand_rotation: np.ndarray,
-    hand_velocity: np.ndarray,
-    stiffness: np.ndarray,
-    damping: np.ndarray,
-) -> np.ndarray:
-    """Acceleration (6,) of a hand that spring and damper pull to a pose with a velocity, linear
-    over angular: k (y - x) + d (v_y - v).
-
-    Parameters
-    ----------
-    position, rotation, velocity
-        y and v_y, (3,) [m], (3, 3) and (6,) [m/s, rad/s].
-    hand_position, hand_rotation, hand_velocity
-        x and v, the same of the hand.
-    stiffness, damping
-        k (6,) [1/s^2] and d (6,) [1/s].
-
-    Raises
-    ------
-    ValueError
-        For other shapes.
-    """
-    _check_pull(position, rotation, velocity, stiffness, damping)
-    _check_pull(hand_position, hand_rotation, hand_velocity, stiffness, damping)
-    result = np.zeros(6)
-    _add_pull(
-        position,
-        rotation,
-        velocity,
-        hand_position,
-        hand_rotation,
-        hand_velocity,
-        stiffness,
-        damping,
-        np.empty(6),
-        result,
-    )
-    return result
-
-
-def _add_pull(
-    position: np.ndarray,
-    rotation: np.ndarray,
-    velocity: np.ndarray,
-    hand_position: np.ndarray,
-    hand_rotation: np.ndarray,
-    hand_velocity: np.ndarray,
-    stiffness: np.ndarray,
-    damping: np.ndarray,
-    error: np.ndarray,
-    acceleration: np.ndarray,
-) -> None:
-    """Add k (y - x) + d (v_y - v) to an acceleration (6,); y - x is left in `error` (6,)."""
-    for i in range(3):
-        error[i] = position[i] - hand_position[i]
-    _turn(rotation, hand_rotation, error, 3)
-    for i in range(6):
-        acceleration[i] += stiffness[i] * error[i] + damping[i] * (velocity[i] - hand_velocity[i])
-
-
-def _check_pull(
-    position: np.ndarray,
-    rotation: np.ndarray,
-    velocity: np.ndarray,
-    stiffness: np.ndarray,
-    damping: np.ndarray,
-) -> None:
-    """ValueError unless the shapes are those of a pose with its velocity, and of gains."""
-    if (
-        position.shape[0] != 3
-        or rotation.shape[0] != 3
-        or rotation.shape[1] != 3
-        or velocity.shape[0] != 6
-    ):
-        raise ValueError(
-            f"the pose has shapes {np.shape(position)}, {np.shape(rotation)},"
-            f" {np.shape(velocity)}, not (3,), (3, 3), (6,)"
-        )
-    if stiffness.shape[0] != 6 or damping.shape[0] != 6:
-        raise ValueError(
-            f"stiffness has shape {np.shape(stiffness)} and damping {np.shape(damping)}, not (6,)"
-        )
 
 
 def _turn(target: np.ndarray, rotation: np.ndarray, result: np.ndarray, k: int) -> None:
@@ -239,22 +134,26 @@ class Drive:
         damping: np.ndarray,
         acceleration: np.ndarray,
     ) -> None:
-        """Add what spring and damper ask of the hand of the arm in its state, as of `pull`, to an
-        acceleration (6,).
+        """Add what spring and damper ask of the hand of the arm in its state, which they pull to a
+        pose with a velocity, to an acceleration (6,): k (y - x) + d (v_y - v).
+
+        Parameters
+        ----------
+        terms
+            Of the state: x and v.
+        position, rotation, velocity
+            y and v_y, (3,) [m], (3, 3) and (6,) [m/s, rad/s].
+        stiffness, damping
+            k (6,) [1/s^2] and d (6,) [1/s].
         """
-        _check_pull(position, rotation, velocity, stiffness, damping)
-        _add_pull(
-            position,
-            rotation,
-            velocity,
-            terms.position,
-            terms.rotation,
-            terms.velocity,
-            stiffness,
-            damping,
-            self._wrench,
-            acceleration,
-        )
+        error = self._wrench
+        for i in range(3):
+            error[i] = position[i] - terms.position[i]
+        _turn(rotation, terms.rotation, error, 3)
+        for i in range(6):
+            acceleration[i] += stiffness[i] * error[i] + damping[i] * (
+                velocity[i] - terms.velocity[i]
+            )
 
     def act(
         self, terms: ArmTerms, acceleration: np.ndarray, posture: np.ndarray
@@ -267,14 +166,7 @@ class Drive:
             In the null space.
         """
         self._shape(terms, acceleration, posture)
-        wrench, result = np.empty(6), np.empty(N_JOINTS)
-        torque = result
-        self._told(wrench)
-        for j in range(self._free.shape[0]):
-            torque[j] = (
-                terms.coriolis[j] + self._friction(j, terms.qd[j], self._total[j]) + self._null[j]
-            )
-        return wrench, result
+        return np.array(self._wanted), self._torque(terms, 1.0)
 
     def moved(
         self, terms: ArmTerms, acceleration: np.ndarray, posture: np.ndarray
@@ -283,13 +175,20 @@ class Drive:
         arm without friction then has.
         """
         self._shape(terms, acceleration, posture)
-        wrench, result, accelerated = np.empty(6), np.empty(N_JOINTS), np.empty(N_JOINTS)
-        torque = result
-        self._told(wrench)
-        for j in range(self._free.shape[0]):
-            torque[j] = terms.coriolis[j] + self._friction(j, terms.qd[j], 0.0) + self._null[j]
+        accelerated = np.empty(N_JOINTS)
         solve_into(self._lower, self._total, accelerated)
-        return wrench, result, accelerated
+        return np.array(self._wanted), self._torque(terms, 0.0), accelerated
+
+    def _torque(self, terms: ArmTerms, driven: float) -> np.ndarray:
+        """Torque (7,) beside the wrench; friction of joints at rest as they are driven (1), or as
+        of joints that move (0).
+        """
+        result = np.empty(N_JOINTS)
+        torque = result
+        for j in range(self._free.shape[0]):
+            friction = self._friction(j, terms.qd[j], driven * self._total[j])
+            torque[j] = terms.coriolis[j] + friction + self._null[j]
+        return result
 
     def friction(self, qd: np.ndarray, drive: np.ndarray) -> np.ndarray:
         """Friction (7,) [N m] that is compensated at speeds qd (7,) [rad/s] of joints that torques
@@ -380,10 +279,6 @@ class Drive:
         for i in range(6):
             acceleration[i] = self._lengths[i] * wrench[i]
 
-    def _told(self, wrench: np.ndarray) -> None:
-        for i in range(6):
-            wrench[i] = self._wanted[i]
-
 
 class JointSpring:
     """Spring and damper of each joint.
@@ -402,17 +297,7 @@ class JointSpring:
     def torque(
         self, q: np.ndarray, qd: np.ndarray, q_wanted: np.ndarray, qd_wanted: np.ndarray
     ) -> np.ndarray:
-        """Torque (7,) [N m] from angles and speeds towards others, (7,) each.
-
-        Raises
-        ------
-        ValueError
-            For a posture of another shape.
-        """
-        if q_wanted.shape[0] != self._limit.shape[0]:
-            raise ValueError(
-                f"a posture of shape {np.shape(q_wanted)} is none of an arm with {N_JOINTS} joints"
-            )
+        """Torque (7,) [N m] from angles and speeds towards others, (7,) each."""
         result = np.empty(N_JOINTS)
         torque = result
         for j in range(self._limit.shape[0]):
@@ -514,29 +399,3 @@ def cut(wrench: np.ndarray, most_force: float, most_moment: float) -> np.ndarray
         shortened[i] = min(1.0, most_force / max(1e-9, force)) * wrench[i]
         shortened[3 + i] = min(1.0, most_moment / max(1e-9, moment)) * wrench[3 + i]
     return result
-
-
-def least_jerk(
-    start: np.ndarray, end: np.ndarray, duration: float, time: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Position, velocity and acceleration (n,) at a time [s] of the motion of least jerk from
-    start to end (n,) of a duration [s].
-
-    Raises
-    ------
-    ValueError
-        Unless both have as many numbers.
-    """
-    if end.shape[0] != start.shape[0]:
-        raise ValueError(f"a motion from {np.shape(start)} to {np.shape(end)} numbers is none")
-    n, s = start.shape[0], min(max(time / duration, 0.0), 1.0)
-    left = 1.0 - s
-    share = (10.0 - 15.0 * s + 6.0 * s * s) * s * s * s
-    speed = 30.0 * s * s * left * left / duration
-    faster = 60.0 * s * left * (1.0 - 2.0 * s) / (duration * duration)
-    position, velocity, acceleration = np.empty(n), np.empty(n), np.empty(n)
-    at, moving, accelerating = position, velocity, acceleration
-    for i in range(n):
-        way = end[i] - start[i]
-        at[i], moving[i], accelerating[i] = start[i] + share * way, speed * way, faster * way
-    return position, velocity, acceleration

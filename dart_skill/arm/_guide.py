@@ -4,6 +4,7 @@ that is asked while the arm moves.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,7 +14,6 @@ import numpy as np
 
 from dart_skill.arm._command import Speed
 from dart_skill.arm._impedance import PoseGains, Reference, rotation_error
-from dart_skill.arm._joint_checks import distance
 from dart_skill.arm._model import HandState
 from dart_skill.arm._motion_plan import Gains, GainsOverTime, GripEvent, MotionPlan, Pace
 from dart_skill.arm._plan_rows import PlanRows
@@ -140,7 +140,7 @@ class PlanGuide:
     def _off(self, reference: Reference, hand: HandState) -> float:
         """From the point of the plan; where the hand may be late, from the path about that point."""
         if self._clock is None:
-            return distance(reference.position, hand.position)
+            return math.dist(reference.position, hand.position)
         off, way = hand.position - reference.position, reference.velocity[:3]
         return float(np.linalg.norm(off - (off @ way) * way / max(way @ way, STANDS**2)))
 

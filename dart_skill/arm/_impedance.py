@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dart_skill.arm._drive import Drive, JointSpring, least_jerk, pull, turn
+from dart_skill.arm._drive import Drive, JointSpring, turn
 from dart_skill.arm._model import ArmModel, HandState
 from dart_skill.common.constants import N_JOINTS
 
@@ -200,14 +200,11 @@ def attractor_acceleration(reference: Reference, hand: HandState, gains: PoseGai
     gains
         k and d.
     """
+    way = reference.attractor_position - hand.position
+    error = np.append(way, rotation_error(reference.attractor_rotation, hand.rotation))
     if gains.stiffness.ndim == 2:
-        way = reference.attractor_position - hand.position
-        error = np.append(way, rotation_error(reference.attractor_rotation, hand.rotation))
         return gains.stiffness @ error - gains.damping @ hand.velocity
-    at_rest = reference.attractor_position, reference.attractor_rotation, AT_REST
-    return pull(
-        *at_rest, hand.position, hand.rotation, hand.velocity, gains.stiffness, gains.damping
-    )
+    return gains.stiffness * error - gains.damping * hand.velocity
 
 
 class JointServo:
@@ -221,7 +218,6 @@ class JointServo:
     STIFFNESS = np.array([900.0, 2500.0, 600.0, 500.0, 50.0, 50.0, 8.0])
     DAMPING = np.array([10.0, 20.0, 5.0, 2.0, 0.5, 0.5, 0.05])
     LIMIT = np.array([25.0, 20.0, 15.0, 15.0, 5.0, 5.0, 5.0])
-    LEAST = -LIMIT
     FOLLOWING = PoseGains(
         np.array([360.0, 250.0, 120.0, 50.0, 7.5, 10.0, 1.6]),
         np.array([10.0, 10.0, 3.5, 2.0, 0.25, 0.35, 0.05]),
@@ -309,4 +305,8 @@ def minimum_jerk(
     duration
         Of the whole motion [s].
     """
-    return least_jerk(np.asarray(start, dtype=float), np.asarray(end, dtype=float), duration, time)
+    way, s = end - start, min(max(time / duration, 0.0), 1.0)
+    share = s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
+    rate = 30.0 * (s * (1.0 - s)) ** 2 / duration
+    change = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / duration**2
+    return start + share * way, rate * way, change * way

@@ -1,78 +1,13 @@
-"""Checks of the few numbers of a state of the arm. What is wrong, if anything is, their callers
-say in words.
+"""Checks of the numbers of a state of the arm against its limits. What is wrong, if anything is,
+their callers say in words.
 
 They are asked at every step of the arm. So they are compiled (docs/development.md):
 _joint_checks.pxd beside this has the types.
 """
 
-import math
-
 import numpy as np
 
 from dart_skill.arm._arm_terms import ArmTerms
-
-
-def largest(values: np.ndarray) -> float:
-    """The largest of a few numbers (n,), either way."""
-    most = 0.0
-    for i in range(values.shape[0]):
-        most = max(most, abs(values[i]))
-    return most
-
-
-def farthest(values: np.ndarray, others: np.ndarray) -> float:
-    """The largest distance between numbers (n,) and others (n,).
-
-    Raises
-    ------
-    ValueError
-        If they are not as many.
-    """
-    if values.shape[0] != others.shape[0]:
-        raise ValueError(f"{np.shape(values)} numbers are compared with {np.shape(others)}")
-    most = 0.0
-    for i in range(values.shape[0]):
-        most = max(most, abs(values[i] - others[i]))
-    return most
-
-
-def distance(point: np.ndarray, other: np.ndarray) -> float:
-    """Between two points (3,).
-
-    Raises
-    ------
-    ValueError
-        For other shapes.
-    """
-    if point.shape[0] != 3 or other.shape[0] != 3:
-        raise ValueError(
-            f"there is no distance between {np.shape(point)} and {np.shape(other)} numbers: give"
-            " two points (3,)"
-        )
-    x, y, z = point[0] - other[0], point[1] - other[1], point[2] - other[2]
-    return math.sqrt(x * x + y * y + z * z)
-
-
-class JointRange:
-    """Ranges of the joints.
-
-    Parameters
-    ----------
-    lower, upper
-        Ends of each (7,) [rad].
-    """
-
-    def __init__(self, lower: np.ndarray, upper: np.ndarray):
-        self._lower, self._upper = lower, upper
-
-    def holds(self, position: np.ndarray, margin: float) -> bool:
-        """Whether angles (7,) [rad] are no nearer than a margin to the ends of their ranges [rad]."""
-        for j in range(self._lower.shape[0]):
-            if not (
-                margin <= position[j] - self._lower[j] and margin <= self._upper[j] - position[j]
-            ):
-                return False
-        return True
 
 
 class Levels:

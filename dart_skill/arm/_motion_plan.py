@@ -4,6 +4,7 @@ what the fingers do meanwhile.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -73,10 +74,7 @@ class GainsOverTime:
     def __post_init__(self) -> None:
         for name in ("stiffness", "damping"):
             value = np.asarray(getattr(self, name), dtype=float)
-            if value.ndim != 3 or value.shape[1:] != (3, 3) or not np.isfinite(value).all():
-                raise ValueError(
-                    f"{name} has shape {value.shape} or is not finite; it must be (n, 3, 3)"
-                )
+            check_shapes("gains", self, {name: (len(value), 3, 3)})
             if np.abs(value - np.swapaxes(value, 1, 2)).max() > AGREE * np.abs(value).max():
                 raise ValueError(f"{name} holds a matrix that is not symmetric")
             if (least := float(np.linalg.eigvalsh(value).min())) <= 0.0:
@@ -107,20 +105,9 @@ class HandPath:
 
     def __post_init__(self) -> None:
         n = len(self.time)
-        shapes = {
-            "time": (n,),
-            "position": (n, 3),
-            "quaternion": (n, 4),
-            "velocity": (n, 6),
-            "acceleration": (n, 6),
-        }
-        for name, shape in shapes.items():
-            value = np.asarray(getattr(self, name), dtype=float)
-            if value.shape != shape or not np.isfinite(value).all():
-                raise ValueError(
-                    f"path.{name} has shape {value.shape} or is not finite; it must be {shape} for"
-                    f" {n} instants"
-                )
+        shapes = {"position": (n, 3), "quaternion": (n, 4)}
+        shapes |= {"time": (n,), "velocity": (n, 6), "acceleration": (n, 6)}
+        check_shapes("path", self, shapes)
         if n < 2 or abs(self.time[0]) > 1e-9 or (np.diff(self.time) <= 0).any():
             raise ValueError("path.time must hold at least two increasing instants, from 0 on")
         check_unit("path.quaternion", self.quaternion)
@@ -192,14 +179,7 @@ class Pace:
     rule: PhaseRule = ON_AN_ARM
 
     def __post_init__(self) -> None:
-        if (
-            np.ndim(self.gain) != 2
-            or np.shape(self.gain)[1] != 12
-            or not np.isfinite(self.gain).all()
-        ):
-            raise ValueError(
-                f"pace.gain has shape {np.shape(self.gain)} or is not finite; it must be (n, 12)"
-            )
+        check_shapes("pace", self, {"gain": (len(self.gain), 12)})
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,17 +240,16 @@ class MotionPlan:
             "start_posture": (N_JOINTS,),
         }
         shapes |= {} if self.posture is None else {"posture": (n, N_JOINTS)}
-        for name, shape in shapes.items():
-            value = np.asarray(getattr(self, name), dtype=float)
-            if value.shape != shape or not np.isfinite(value).all():
-                raise ValueError(
-                    f"plan.{name} has shape {value.shape} or is not finite; it must be {shape}"
-                )
+        check_shapes("plan", self, shapes)
         check_unit("plan.attractor_quaternion", self.attractor_quaternion)
-        for name, rows in self._rows.items():
-            if len(rows) != n:
+        rows = {} if self.pace is None else {"pace.gain": self.pace.gain}
+        for name in ("position_gains", "orientation_gains"):
+            if isinstance(gains := getattr(self, name), GainsOverTime):
+                rows |= {name: gains.stiffness, f"{name} (damping)": gains.damping}
+        for name, given in rows.items():
+            if len(given) != n:
                 raise ValueError(
-                    f"plan.{name} has {len(rows)} entries, the path {n} instants: give one for"
+                    f"plan.{name} has {len(given)} entries, the path {n} instants: give one for"
                     " each"
                 )
         if not 0.0 < self.end <= self.path.duration:
@@ -284,22 +263,6 @@ class MotionPlan:
                 f" {self.path.duration} s"
             )
 
-    @property
-    def _rows(self) -> dict[str, np.ndarray]:
-        """What must have one row for each instant, by name."""
-        varying = {name: getattr(self, name) for name in ("position_gains", "orientation_gains")}
-        rows = {
-            name: gains.stiffness
-            for name, gains in varying.items()
-            if isinstance(gains, GainsOverTime)
-        }
-        rows |= {
-            f"{name} (damping)": gains.damping
-            for name, gains in varying.items()
-            if isinstance(gains, GainsOverTime)
-        }
-        return rows | ({} if self.pace is None else {"pace.gain": self.pace.gain})
-
     def as_the_arm_has_it(self) -> MotionPlan:
         """The same motion as the arm's own kinematics says it."""
         if self.registration.is_none:
@@ -307,26 +270,29 @@ class MotionPlan:
         position, quaternion = self.registration.poses(
             self.attractor_position, self.attractor_quaternion
         )
-        same = replace(
-            self,
-            attractor_position=position,
-            attractor_quaternion=quaternion,
-            registration=Registration(),
-        )
         position_gains, orientation_gains = (
-            self._turned(self.position_gains),
-            self._turned(self.orientation_gains),
+            gains if isinstance(gains, Gains) else gains.turned(self.registration.axes)
+            for gains in (self.position_gains, self.orientation_gains)
         )
         return replace(
-            same,
+            self,
             path=self.path.as_the_arm_has_it(self.registration),
+            attractor_position=position,
+            attractor_quaternion=quaternion,
             position_gains=position_gains,
             orientation_gains=orientation_gains,
+            registration=Registration(),
         )
 
-    def _turned(self, gains: Gains | GainsOverTime) -> Gains | GainsOverTime:
-        """The same gains along the axes of the arm."""
-        return gains if isinstance(gains, Gains) else gains.turned(self.registration.axes)
+
+def check_shapes(what: str, owner: object, shapes: Mapping[str, tuple[int, ...]]) -> None:
+    """ValueError unless attributes are finite numbers of these shapes."""
+    for name, shape in shapes.items():
+        value = np.asarray(getattr(owner, name), dtype=float)
+        if value.shape != shape or not np.isfinite(value).all():
+            raise ValueError(
+                f"{what}.{name} has shape {value.shape} or is not finite; it must be {shape}"
+            )
 
 
 def check_unit(name: str, quaternions: np.ndarray) -> None:

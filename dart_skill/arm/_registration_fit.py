@@ -21,12 +21,12 @@ from dart_skill.common.quaternions import (
     CONJUGATE,
     from_vectors,
     matrices,
+    of_matrices,
     product,
     rotate,
     to_vectors,
     unit,
 )
-from dart_skill.common.quaternions import of_matrices
 
 POSITION = 0.004
 """Error of the arm's kinematics at one instant while a person pushes the arm [m]; neighbouring
@@ -174,8 +174,8 @@ def fit_registration(
         return Registration() if known is None else known.registration
     together = Sightings.together(seen)
     if known is None:
-        return _as_registration(
-            _gauss_newton(together, np.zeros(13), USUAL, (POSITION, ANGLE), ROUNDS)
+        return _after(
+            Registration(), _gauss_newton(together, np.zeros(13), USUAL, (POSITION, ANGLE), ROUNDS)
         )
     expected = known.registration
     change = _gauss_newton(
@@ -344,15 +344,6 @@ def _after(expected: Registration, unknown: np.ndarray) -> Registration:
         tuple(hand),
         tuple(hand_shift),
         to_the_nanosecond(float(unknown[12])),
-    )
-
-
-def _as_registration(unknown: np.ndarray) -> Registration:
-    turn, shift, hand_turn, hand_shift = np.split(unknown[:12], 4)
-    turns = [tuple(from_vectors(part).tolist()) for part in (turn, hand_turn)]
-    shifts = [tuple(part.tolist()) for part in (shift, hand_shift)]
-    return Registration(
-        turns[0], shifts[0], turns[1], shifts[1], to_the_nanosecond(float(unknown[12]))
     )
 
 

@@ -119,12 +119,8 @@ class SafetyModule:
         self._limits, self._patience = limits, patience
         self._model = ArmModel(description)
         lower, upper = description.of_joints("lower"), description.of_joints("upper")
-        self._middle, self._half = (
-            (0.5 * (lower + upper)).tolist(),
-            (0.5 * (upper - lower)).tolist(),
-        )
-        strongest = limits.torque_share * description.of_joints("peak_torque")
-        self._strongest = strongest.tolist()
+        self._middle, self._half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+        self._strongest = limits.torque_share * description.of_joints("peak_torque")
         self._fastest = {
             Speed.CAREFUL: (limits.careful_elbow, limits.careful_hand),
             Speed.THROW: (limits.fastest_elbow, limits.fastest_hand),
@@ -133,7 +129,9 @@ class SafetyModule:
         grown = 0.5 * (patience - 1.0) * (high - low)
         self._low, self._high = (low - grown).tolist(), (high + grown).tolist()
         beyond = patience * limits.joint_overrun
-        self._levels = Levels(strongest, lower - beyond, upper + beyond, low - grown, high + grown)
+        self._levels = Levels(
+            self._strongest, lower - beyond, upper + beyond, low - grown, high + grown
+        )
         self.warning = self.fault = ""
 
     def reset(self) -> None:
@@ -160,45 +158,31 @@ class SafetyModule:
         """
         if self.fault:
             return self.fault
-        fastest_elbow, fastest_hand = self._fastest[speed]
-        if self._levels.are_far(
-            terms, torque, fastest_elbow, fastest_hand, self._limits.warning_share
+        self.warning = ""
+        if not self._levels.are_far(
+            terms, torque, *self._fastest[speed], self._limits.warning_share
         ):
-            self.warning = ""
-        else:
             self._judge(terms, torque, speed)
         return self.fault
 
     def _judge(self, terms: ArmTerms, torque: np.ndarray, speed: Speed) -> None:
         """What is near its limit or beyond it, in words."""
-        position = np.array(terms.q)
-        hand, hand_speed, elbow_speed = (
-            [float(at) for at in terms.position],
-            terms.hand_speed,
-            terms.elbow_speed,
-        )
-        torques = torque.tolist()
-        fastest_elbow, fastest_hand = self._fastest[speed]
-        torque_shares = [
-            abs(one) / most for one, most in zip(torques, self._strongest, strict=True)
-        ]
-        worst = max(elbow_speed / fastest_elbow, hand_speed / fastest_hand, *torque_shares)
-        overruns = [
-            abs(at - middle) - half
-            for at, middle, half in zip(position.tolist(), self._middle, self._half, strict=True)
-        ]
-        # max overlooks what is not a number
-        if not math.isfinite(elbow_speed + hand_speed + sum(torques) + sum(overruns)):
+        hand = [float(at) for at in terms.position]
+        speeds = terms.elbow_speed, terms.hand_speed
+        shares = [one / most for one, most in zip(speeds, self._fastest[speed], strict=True)]
+        shares += (np.abs(torque) / self._strongest).tolist()
+        overruns = (np.abs(np.asarray(terms.q) - self._middle) - self._half).tolist()
+        worst = max(shares)
+        # `max` overlooks what is not a number.
+        if not math.isfinite(sum(shares) + sum(overruns)):
             self.fault = "the state of the arm, or the torque that is asked for, is not finite"
-        elif not all(low <= at <= high for low, at, high in self._box(hand)):
-            self.fault = self._outside(hand)
+        elif outside := self._outside(hand):
+            self.fault = outside
         elif max(overruns) > self._patience * self._limits.joint_overrun:
-            self.fault = self._overrun(position, overruns)
+            self.fault = self._overrun(terms.q, overruns)
         elif worst > self._limits.warning_share:
-            said = self._level(speed, elbow_speed, hand_speed, torques, torque_shares)
-            self.warning, self.fault = said, said if worst > self._patience else ""
-        else:
-            self.warning = ""
+            self.warning = self._level(speed, speeds, torque, shares)
+            self.fault = self.warning if worst > self._patience else ""
 
     def limited(self, command: Command, position: np.ndarray) -> Command:
         """The command, weakened as a whole where it asks a joint for more than the limit on top of
@@ -227,15 +211,15 @@ class SafetyModule:
             command.speed,
         )
 
-    def _box(self, hand: list[float]) -> zip[tuple[float, float, float]]:
-        return zip(self._low, hand, self._high, strict=True)
-
     def _outside(self, hand: list[float]) -> str:
-        rows = zip("xyz", self._box(hand), strict=True)
-        axis, (low, at, high) = next(
-            (axis, row) for axis, row in rows if not row[0] <= row[1] <= row[2]
-        )
-        return f"the hand is at {axis} {at:.2f} m, outside the workspace of {low:g} to {high:g} m"
+        """Where the hand is outside its box, in words; empty if it is inside."""
+        for axis, low, at, high in zip("xyz", self._low, hand, self._high, strict=True):
+            if not low <= at <= high:
+                return (
+                    f"the hand is at {axis} {at:.2f} m, outside the workspace of {low:g} to"
+                    f" {high:g} m"
+                )
+        return ""
 
     @staticmethod
     def _overrun(position: np.ndarray, overruns: list[float]) -> str:
@@ -246,41 +230,21 @@ class SafetyModule:
         )
 
     def _level(
-        self,
-        speed: Speed,
-        elbow_speed: float,
-        hand_speed: float,
-        torques: list[float],
-        shares: list[float],
+        self, speed: Speed, speeds: tuple[float, float], torque: np.ndarray, shares: list[float]
     ) -> str:
-        """Level that is used most, in words."""
-        fastest_elbow, fastest_hand = self._fastest[speed]
+        """Level that is used most, in words; shares (9,) of elbow, hand and joints."""
+        most = shares.index(max(shares))
+        if most >= 2:
+            j = most - 2
+            return (
+                f"j{j + 1} is asked for {torque[j]:.4g} N m; the limit is"
+                f" {self._strongest[j]:.1f} N m"
+            )
         of = "a throw" if speed is Speed.THROW else "an arm that does not throw"
-        j = shares.index(max(shares))
-        level = [
-            (
-                elbow_speed / fastest_elbow,
-                (
-                    f"the elbow moves at {elbow_speed:.2f} m/s; the limit of {of} is"
-                    f" {fastest_elbow:g} m/s"
-                ),
-            ),
-            (
-                hand_speed / fastest_hand,
-                (
-                    f"the hand moves at {hand_speed:.2f} m/s; the limit of {of} is"
-                    f" {fastest_hand:g} m/s"
-                ),
-            ),
-            (
-                shares[j],
-                (
-                    f"j{j + 1} is asked for {torques[j]:.4g} N m; the limit is"
-                    f" {self._strongest[j]:.1f} N m"
-                ),
-            ),
-        ]
-        return max(level)[1]
+        return (
+            f"the {('elbow', 'hand')[most]} moves at {speeds[most]:.2f} m/s; the limit of {of} is"
+            f" {self._fastest[speed][most]:g} m/s"
+        )
 
 
 def check_push(push: Command, limits: SafetyLimits) -> None:
@@ -298,6 +262,6 @@ def check_push(push: Command, limits: SafetyLimits) -> None:
     if force > limits.human_force or moment > limits.human_moment or torque > limits.human_force:
         strongest = f"{limits.human_force:g} N and {limits.human_moment:g} N m"
         raise ValueError(
-            f"nobody pushes with {force:g} N, {moment:g} N m and {torque:g} N m at the joints: at"
+            f"no person pushes with {force:g} N, {moment:g} N m and {torque:g} N m at the joints: at"
             f" most {strongest} are taken"
         )

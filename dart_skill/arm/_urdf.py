@@ -1,11 +1,16 @@
-"""The WAM as a URDF: written from the description, primitive shapes for what is seen and collides."""
+"""The WAM as a URDF: written from the description, primitive shapes for what is seen and collides.
+
+The transforms of /tf say where the links are: what robot_state_publisher computes from a URDF.
+"""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from xml.etree import ElementTree
 
 import numpy as np
 
 from dart_skill.arm._description import Capsule, Inertial, Joint, WamDescription
+from dart_skill.common.constants import N_JOINTS
 
 HAND_LINK = "bhand_base"
 BALL_LINK = "held_ball"
@@ -144,3 +149,52 @@ def _fixed(
     ElementTree.SubElement(element, "parent", link=parent)
     ElementTree.SubElement(element, "child", link=child)
     ElementTree.SubElement(element, "origin", xyz=_text(xyz), rpy="0 0 0")
+
+
+UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Transform:
+    """Pose of frame `child` in frame `parent`: translation (3,) [m], quaternion (4,) x, y, z, w."""
+
+    parent: str
+    child: str
+    translation: np.ndarray
+    quaternion: np.ndarray
+
+
+def fixed_transforms(description: WamDescription, world: str = "world") -> list[Transform]:
+    """Those that never change: the base in the world, and the hand on the last link."""
+    joints = description.joints
+    return [
+        Transform(
+            world, joints[0].parent, np.array([0.0, 0.0, description.mount_height]), UPRIGHT
+        ),
+        Transform(joints[-1].child, HAND_LINK, description.tool_plate, UPRIGHT),
+    ]
+
+
+def joint_transforms(description: WamDescription, position: np.ndarray) -> list[Transform]:
+    """Those of the joints at angles `position` (7,) [rad]: a turn about the parent's x by the
+    joint's roll, then about z by the angle.
+
+    Raises
+    ------
+    ValueError
+        For angles of another number, or not finite.
+    """
+    position = np.asarray(position, dtype=float)
+    if position.shape != (N_JOINTS,) or not np.all(np.isfinite(position)):
+        raise ValueError(f"position = {position}: give {N_JOINTS} finite joint angles [rad]")
+    roll = description.of_joints("roll")
+    (sin_roll, cos_roll), (sin, cos) = (
+        (np.sin(angle / 2), np.cos(angle / 2)) for angle in (roll, position)
+    )
+    quaternion = np.stack(
+        [sin_roll * cos, -sin_roll * sin, cos_roll * sin, cos_roll * cos], axis=1
+    )
+    return [
+        Transform(j.parent, j.child, j.xyz, q)
+        for j, q in zip(description.joints, quaternion, strict=True)
+    ]

@@ -22,7 +22,6 @@ from dart_skill.common.checks import (
     as_finite,
     as_samples,
     as_vector,
-    as_weights,
     require_near,
 )
 

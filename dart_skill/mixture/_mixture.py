@@ -29,18 +29,15 @@ from dart_skill.mixture._expectation_maximisation import (
     Start,
     best_fit,
     expectation_at,
-    normalise_log,
 )
 from dart_skill.mixture._gaussian import (
     Gaussian,
     cholesky,
-    log_determinants,
     moments,
-    product_of_two,
-    split_dims,
     square_root,
 )
 from dart_skill.mixture._start import kmeans_start
+
 
 def checked_priors(priors: ArrayLike) -> np.ndarray:
     """Priors (K,), positive and with sum one; a rounding error of the sum is removed.

@@ -2,8 +2,7 @@
 mixture.
 
 The covariance is sum_k h_k (S_k + (m_k - m)(m_k - m)'). It includes the spread between the
-components. It is computed from differences, so that no digits are lost: from the deviations m_k -
-m, or, what is the same, from those of each pair, sum_(j<k) h_j h_k (m_j - m_k)(m_j - m_k)'. The
+components. It is computed from the deviations m_k - m, so that no digits are lost. The
 responsibilities h_k are computed from log densities: far from the data they would otherwise be 0 /
 0. There a query belongs to the component whose density falls most slowly. Queries are processed in
 slices that fit into the cache.
@@ -11,7 +10,7 @@ slices that fit into the cache.
 
 from __future__ import annotations
 
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -26,8 +25,6 @@ from dart_skill.mixture._regression_terms import (
     write_conditionals,
     write_lines,
     write_logs,
-    write_pair_matrices,
-    write_pairs,
     write_spread,
 )
 
@@ -101,25 +98,17 @@ class Regression:
         self._constants = (
             np.log(mixture.priors_) - components.log_volumes - 0.5 * self.n_inputs * LOG_2PI
         )
-        # The pairs of many components are more terms than the deviations of few outputs.
-        k = len(self._constants)
-        by_pairs = self.n_inputs == 1 and 3 * k * (k - 1) <= 2 * self.n_outputs * (
-            self.n_outputs + 1
+        # What makes the covariance of shares, and of the upper triangle of the spread between the
+        # components.
+        self._collector = np.concatenate(
+            [components.within.reshape(len(components.within), -1), _unpacking(self.n_outputs)]
         )
-        self._moments = (_MomentsByPairs if by_pairs else _Moments)(components)
 
     def __call__(self, inputs: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         inputs = self._checked(inputs)
-        mean, covariance = (
-            np.empty((len(inputs), self.n_outputs)),
-            np.empty((len(inputs), self.n_outputs, self.n_outputs)),
-        )
-        for start in range(0, len(inputs), SLICE):
-            span = slice(start, start + SLICE)
-            shares = self._shares(inputs[span], start)
-            self._moments.write_mean(inputs[span], shares, mean[span])
-            self._moments.write_covariance(inputs[span], shares, covariance[span])
-        return mean, covariance
+        covariance = np.empty((len(inputs), self.n_outputs**2))
+        mean = self._each_slice(inputs, covariance)
+        return mean, covariance.reshape(-1, self.n_outputs, self.n_outputs)
 
     def mean(self, inputs: ArrayLike) -> np.ndarray:
         """Mean (n, o) of the outputs (3.4) without their covariance; equal to the mean of a call
@@ -130,11 +119,22 @@ class Regression:
         inputs
             (n, i).
         """
-        inputs = self._checked(inputs)
-        mean = np.empty((len(inputs), self.n_outputs))
+        return self._each_slice(self._checked(inputs), None)
+
+    def _each_slice(self, inputs: np.ndarray, covariance: np.ndarray | None) -> np.ndarray:
+        """Mean (n, o) for inputs (n, i), and their covariances (n, o o), which are written."""
+        components, mean = self._components, np.empty((len(inputs), self.n_outputs))
+        lines = components.lines.reshape(-1, self.n_outputs)
         for start in range(0, len(inputs), SLICE):
             span = slice(start, start + SLICE)
-            self._moments.write_mean(inputs[span], self._shares(inputs[span], start), mean[span])
+            here, shares = inputs[span], self._shares(inputs[span], start)
+            terms = np.empty((len(here), len(lines)))
+            write_lines(here, shares, components.input_means, terms)
+            np.matmul(terms, lines, out=mean[span])
+            if covariance is not None:
+                terms = np.empty((len(here), len(self._collector)))
+                write_spread(here, shares, components.input_means, components.lines, terms)
+                np.matmul(terms, self._collector, out=covariance[span])
         return mean
 
     def responsibilities(self, inputs: ArrayLike) -> np.ndarray:
@@ -183,78 +183,6 @@ class Regression:
         shares, _ = self._logs(inputs, first_row)
         normalise(np.exp(shares, out=shares))
         return shares
-
-
-class _Moments:
-    """Mean and covariance of the outputs by (3.4) and (3.5), with the spread from the deviations
-    of the components' means.
-    """
-
-    def __init__(self, components: Conditionals) -> None:
-        self._input_means, self._lines, self._within = (
-            components.input_means,
-            components.lines,
-            components.within,
-        )
-
-    def write_mean(self, inputs: np.ndarray, shares: np.ndarray, mean: np.ndarray) -> None:
-        """Write the mean (n, o) for inputs (n, i) and shares (n, K)."""
-        lines = self._lines.reshape(-1, mean.shape[1])
-        terms = np.empty((len(inputs), len(lines)))
-        write_lines(inputs, shares, self._input_means, terms)
-        np.matmul(terms, lines, out=mean)
-
-    def write_covariance(
-        self, inputs: np.ndarray, shares: np.ndarray, covariance: np.ndarray
-    ) -> None:
-        """Write the total covariance (n, o, o) for inputs (n, i) and shares (n, K)."""
-        terms = np.empty((len(inputs), len(self._collector)))
-        write_spread(inputs, shares, self._input_means, self._lines, terms)
-        np.matmul(terms, self._collector, out=covariance.reshape(len(inputs), -1))
-
-    @cached_property
-    def _collector(self) -> np.ndarray:
-        """What makes the covariance of shares, and of the upper triangle of the spread between the
-        components; a mean does without.
-        """
-        return np.concatenate(
-            [self._within.reshape(len(self._within), -1), _unpacking(self._within.shape[1])]
-        )
-
-
-class _MomentsByPairs(_Moments):
-    """The same for one input. There the spread is a sum of products of two shares, times powers of
-    the input; their coefficients depend on the mixture only.
-
-    A pair counts most in the middle between its centres. There its powers begin, so that none is
-    large where it counts.
-    """
-
-    def write_covariance(
-        self, inputs: np.ndarray, shares: np.ndarray, covariance: np.ndarray
-    ) -> None:
-        middles, collector = self._of_pairs
-        if not np.isfinite(collector).all():  # products of lines as steep as 1e154 are none
-            super().write_covariance(inputs, shares, covariance)
-            return
-        terms = np.empty((len(inputs), len(collector)))
-        write_pairs(inputs, shares, middles, terms)
-        np.matmul(terms, collector, out=covariance.reshape(len(inputs), -1))
-
-    @cached_property
-    def _of_pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Middle (p,) of each pair; and coefficients (K + 3 p, o o) in the covariance of shares,
-        and of the products of two shares times 1, s and s s, with s from the middle.
-        """
-        k, _, o = self._lines.shape
-        p = k * (k - 1) // 2
-        middles, collector = np.empty(p), np.empty((k + 3 * p, o, o))
-        collector[:k] = self._within
-        with np.errstate(over="ignore", invalid="ignore"):
-            write_pair_matrices(
-                self._input_means, self._lines, middles, collector[k:].reshape(3, p, o, o)
-            )
-        return middles, collector.reshape(len(collector), -1)
 
 
 @lru_cache(maxsize=64)

@@ -33,19 +33,6 @@ cpdef normalise(double[:, ::1] shares)
 cpdef write_lines(const double[:, :] inputs, const double[:, ::1] shares, const double[:, ::1] input_means, double[:, ::1] terms)
 
 @cython.locals(
-    n_outputs=Py_ssize_t, pair=Py_ssize_t, j=Py_ssize_t, k=Py_ssize_t, a=Py_ssize_t, b=Py_ssize_t, half=double, constant=double[::1],
-    linear=double[::1]
-)
-cpdef write_pair_matrices(
-    const double[:, ::1] input_means, const double[:, :, ::1] lines, double[::1] middles, double[:, :, :, ::1] matrices
-)
-
-@cython.locals(
-    n_components=Py_ssize_t, n_pairs=Py_ssize_t, n=Py_ssize_t, place=Py_ssize_t, j=Py_ssize_t, k=Py_ssize_t, s=double, both=double
-)
-cpdef write_pairs(const double[:, :] inputs, const double[:, ::1] shares, const double[::1] middles, double[:, ::1] terms)
-
-@cython.locals(
     n_components=Py_ssize_t, n_outputs=Py_ssize_t, n=Py_ssize_t, k=Py_ssize_t, a=Py_ssize_t, b=Py_ssize_t, i=Py_ssize_t, place=Py_ssize_t,
     first=Py_ssize_t, offset=double, its=double, share=double, weighted=double, apart=double[:, ::1], mean=double[::1], spread=double[::1]
 )

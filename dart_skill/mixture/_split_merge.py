@@ -14,7 +14,6 @@ means (c, k, d) and covariances (c, k, d, d).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,18 +26,6 @@ HALF_WAY = float(np.sqrt(0.75))
 
 Components = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Priors, means and covariances."""
-
-
-class Adaptation(NamedTuple):
-    """What one round of split and merge made of components; the other fields are those of
-    `Adapted`.
-    """
-
-    components: Components
-    split: int | None
-    merged: tuple[int, int] | None
-    split_gain: float
-    merge_loss: float
 
 
 @dataclass(frozen=True)
@@ -103,8 +90,8 @@ class Adapted:
 
     Parameters
     ----------
-    mixture
-        GaussianMixture, the result.
+    components
+        Its priors, means and covariances.
     split
         Index of the component that was split, or None. The two new ones are at that index and at
         the end.
@@ -117,11 +104,16 @@ class Adapted:
         Loss of the average log-likelihood by the best merger, done or not; inf if none was tried.
     """
 
-    mixture: GaussianMixture
+    components: Components
     split: int | None
     merged: tuple[int, int] | None
     split_gain: float
     merge_loss: float
+
+    @property
+    def mixture(self) -> GaussianMixture:
+        """The mixture of the components."""
+        return _mixture(self.components)
 
 
 def split(
@@ -165,8 +157,7 @@ def split_and_merge(
     """
     samples = as_samples(samples, "samples", mixture.n_dims)
     weights = as_weights(weights, len(samples))
-    adapted = adapt(_components(mixture), samples, weights, rule or SplitMerge())
-    return Adapted(_mixture(adapted.components), *adapted[1:])
+    return adapt(_components(mixture), samples, weights, rule or SplitMerge())
 
 
 def adapt(
@@ -175,7 +166,7 @@ def adapt(
     weights: np.ndarray,
     rule: SplitMerge,
     most: int | None = None,
-) -> Adaptation:
+) -> Adapted:
     """`split_and_merge` on arrays that have been checked, up to `most` components.
 
     Parameters
@@ -209,7 +200,7 @@ def adapt(
         if merge_loss < rule.merge_threshold:
             first, second = pairs[best].tolist()
             components, merged = _candidate(candidates, best), (first, second)
-    return Adaptation(components, split_one, merged, split_gain, merge_loss)
+    return Adapted(components, split_one, merged, split_gain, merge_loss)
 
 
 def _candidate(candidates: Components, index: int) -> Components:

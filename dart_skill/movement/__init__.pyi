@@ -1,14 +1,23 @@
 from dart_skill.common.pace import PhaseRule as PhaseRule
 from dart_skill.movement._alignment import AlignmentFit as AlignmentFit
+from dart_skill.movement._alignment import WidthChoice as WidthChoice
 from dart_skill.movement._alignment import check_alignment as check_alignment
+from dart_skill.movement._alignment import choose_width as choose_width
+from dart_skill.movement._alignment import gaussian_weights as gaussian_weights
+from dart_skill.movement._alignment import nearest_weights as nearest_weights
 from dart_skill.movement._attractor import attractor_from_motion as attractor_from_motion
+from dart_skill.movement._attractor import attractor_with_gains as attractor_with_gains
 from dart_skill.movement._attractor import critical_damping as critical_damping
+from dart_skill.movement._attractor import critical_damping_matrix as critical_damping_matrix
 from dart_skill.movement._attractor import follow_attractor as follow_attractor
+from dart_skill.movement._attractor import stable_gains as stable_gains
+from dart_skill.movement._attractor import stiffness_from_covariance as stiffness_from_covariance
 from dart_skill.movement._autonomous import AutonomousDSGMR as AutonomousDSGMR
 from dart_skill.movement._autonomous import AutonomousPolicy as AutonomousPolicy
 from dart_skill.movement._autonomous import Moment as Moment
 from dart_skill.movement._autonomous import StateDriven as StateDriven
 from dart_skill.movement._autonomous import StateFrame as StateFrame
+from dart_skill.movement._autonomous import lift as lift
 from dart_skill.movement._differentiation import Motion as Motion
 from dart_skill.movement._differentiation import estimate_noise as estimate_noise
 from dart_skill.movement._differentiation import smooth_derivatives as smooth_derivatives
@@ -25,10 +34,6 @@ from dart_skill.movement._frames import pointing_at as pointing_at
 from dart_skill.movement._frames import start_frame as start_frame
 from dart_skill.movement._frames import target_frame as target_frame
 from dart_skill.movement._frames import turn_matrix as turn_matrix
-from dart_skill.movement._locality import WidthChoice as WidthChoice
-from dart_skill.movement._locality import choose_width as choose_width
-from dart_skill.movement._locality import gaussian_weights as gaussian_weights
-from dart_skill.movement._locality import nearest_weights as nearest_weights
 from dart_skill.movement._orientation import angles_from_quaternions as angles_from_quaternions
 from dart_skill.movement._orientation import angular_velocity as angular_velocity
 from dart_skill.movement._orientation import make_continuous as make_continuous
@@ -58,11 +63,6 @@ from dart_skill.movement._segmentation import VelocityThreshold as VelocityThres
 from dart_skill.movement._segmentation import segment_containing as segment_containing
 from dart_skill.movement._segmentation import speed as speed
 from dart_skill.movement._springs import SpringMixture as SpringMixture
-from dart_skill.movement._stiffness import attractor_with_gains as attractor_with_gains
-from dart_skill.movement._stiffness import critical_damping_matrix as critical_damping_matrix
-from dart_skill.movement._stiffness import hold_to as hold_to
-from dart_skill.movement._stiffness import stable_gains as stable_gains
-from dart_skill.movement._stiffness import stiffness_from_covariance as stiffness_from_covariance
 from dart_skill.movement._task_parameterised import PartialFrame as PartialFrame
 from dart_skill.movement._task_parameterised import (
     TaskParameterisedMixture as TaskParameterisedMixture,

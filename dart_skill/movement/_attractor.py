@@ -4,6 +4,16 @@
 `follow_attractor` does not integrate numerically. If the attractor is linear between its samples,
 the motion over a step has a closed form (matrix exponential). So the result is exact and stable at
 any rate.
+
+The stiffness may vary: stiff where the demonstrations agreed. A spring holds a unit mass against
+random pushes. The variance of the mass is then inverse to the stiffness of the spring
+(equipartition). So the stiffness along each principal axis of the covariance is c / variance, with
+one c for the whole movement. c is such that the axis and instant with the smallest variance get
+the largest stiffness that is allowed. Values below the least stiffness are raised to it.
+
+A spring that becomes stiffer while it is stretched gains energy, so such a spring may drive a mass
+away from where it pulls it, whatever the damping. `stable_gains` lets the stiffness grow only as
+fast as the damping takes up (Kronander and Billard, 2016).
 """
 
 from functools import lru_cache
@@ -11,9 +21,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.common.checks import as_finite, as_number, as_samples, as_vector
+from dart_skill.common.checks import as_covariances, as_finite, as_number, as_samples, as_vector
 from dart_skill.movement._differentiation import Motion
-from dart_skill.movement._runge_kutta import respond
+from dart_skill.movement._time import as_stamps
 
 
 def critical_damping(stiffness: ArrayLike) -> np.ndarray:
@@ -157,3 +167,155 @@ def _respond(
         *discretise(step, stiffness, damping), attractor, start / np.array([[1.0], [unit]])
     )
     return position, unit * velocity
+
+
+def recur(transition: np.ndarray, forcing: np.ndarray) -> np.ndarray:
+    """s (2, n, d) with s[:, k] = F s[:, k - 1] + f[:, k], and s[:, 0] = f[:, 0].
+
+    Parameters
+    ----------
+    transition
+        F (2, 2).
+    forcing
+        f (2, n, d).
+    """
+    states = np.array(forcing.swapaxes(0, 1), order="C")
+    for before, here in zip(states[:-1], states[1:], strict=True):
+        here += transition @ before
+    return states.swapaxes(0, 1)
+
+
+def respond(
+    transition: np.ndarray,
+    now: np.ndarray,
+    later: np.ndarray,
+    attractor: np.ndarray,
+    start: np.ndarray,
+) -> np.ndarray:
+    """s (2, n, d) with s[:, k] = F s[:, k - 1] + g0 y[k - 1] + g1 y[k], and s[:, 0] = start.
+
+    Parameters
+    ----------
+    transition, now, later
+        F (2, 2), g0 (2,) and g1 (2,).
+    attractor
+        y (n, d).
+    start
+        (2, d).
+    """
+    driven = np.multiply.outer(now, attractor[:-1]) + np.multiply.outer(later, attractor[1:])
+    return recur(transition, np.concatenate([start[:, None], driven], axis=1))
+
+
+SHRINKS = 0.8
+"""Factor by which a step of the stiffness that is too large becomes smaller."""
+MOST_TRIALS = 60
+"""Largest number of times that a step is made smaller."""
+
+
+def stiffness_from_covariance(covariance: ArrayLike, least: float, most: float) -> np.ndarray:
+    """Symmetric stiffness matrices (n, d, d) [1/s^2] with eigenvalues in [least, most], from
+    covariances (n, d, d).
+
+    All d movement variables must have the same unit. Call it separately for metres and radians:
+    their variances cannot be compared.
+
+    Raises
+    ------
+    ValueError
+        For a variance that is not positive, or if least is above most.
+    """
+    covariance = as_covariances(covariance, "covariance", np.shape(covariance))
+    least, most = as_number(least, "least"), as_number(most, "most")
+    if least > most:
+        raise ValueError(f"the least stiffness, {least:g}, is above the largest, {most:g}")
+    variance, axes = np.linalg.eigh(covariance)
+    if variance.min() <= 0.0:
+        worst = int(np.argmin(variance.min(axis=1)))
+        raise ValueError(
+            f"covariance {worst} has variance {variance.min():.3g} along one axis; it must be"
+            " positive"
+        )
+    gains = np.clip(most * variance.min() / variance, least, most)
+    return np.einsum("nij,nj,nkj->nik", axes, gains, axes)
+
+
+def critical_damping_matrix(stiffness: ArrayLike) -> np.ndarray:
+    """2 K^(1/2) (n, d, d): critical damping along every principal axis of stiffness matrices (n,
+    d, d).
+
+    Raises
+    ------
+    ValueError
+        For a negative eigenvalue.
+    """
+    gains, axes = np.linalg.eigh(as_finite(stiffness, "stiffness", 3))
+    if gains.min() < 0.0:
+        raise ValueError(
+            f"stiffness has the eigenvalue {gains.min():.3g}; it must not be negative"
+        )
+    return np.einsum("nij,nj,nkj->nik", axes, 2.0 * np.sqrt(gains), axes)
+
+
+def stable_gains(time: ArrayLike, stiffness: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness and critical damping (n, d, d), linear between the stamps, with which x'' = K (y -
+    x)
+    - D x' is stable for every y.
+
+    It is, if for some a > 0 both D - a and 2 a K - K' - a D' are positive semidefinite at all
+    times (Kronander and Billard, Stability Considerations for Variable Impedance Control, 2016,
+    theorem 1, for a unit mass). Here a is half the least damping. Where the wanted stiffness grows
+    faster, it is followed as fast as this allows; it may fall at any rate.
+
+    Parameters
+    ----------
+    time : (n,)
+        Stamps [s], n at least 2.
+    stiffness : (n, d, d)
+        Wanted, positive definite, per unit mass [1/s^2].
+
+    Raises
+    ------
+    ValueError
+        For an eigenvalue that is not positive.
+    """
+    stiffness = as_finite(stiffness, "stiffness", 3)
+    steps = np.diff(as_stamps(time, len(stiffness), minimum=2))
+    least = float(np.linalg.eigvalsh(stiffness).min())
+    if least <= 0.0:
+        raise ValueError(f"stiffness has the eigenvalue {least:.3g}; all must be positive")
+    rate, gains, damping = np.sqrt(least), np.empty_like(stiffness), np.empty_like(stiffness)
+    gains[0], damping[0] = stiffness[0], critical_damping_matrix(stiffness[:1])[0]
+    for k, step in enumerate(steps):
+        gains[k + 1], damping[k + 1] = _grown(gains[k], damping[k], stiffness[k + 1], step, rate)
+    return gains, damping
+
+
+def _grown(
+    stiffness: np.ndarray, damping: np.ndarray, wanted: np.ndarray, step: float, rate: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness and damping (d, d) a step [s] later: as near to the wanted stiffness as the
+    damping takes up.
+    """
+    share = 1.0
+    for _ in range(MOST_TRIALS):
+        after = stiffness + share * (wanted - stiffness)
+        its_damping = critical_damping_matrix(after[None])[0]
+        growth = (after - stiffness + rate * (its_damping - damping)) / step
+        if all(
+            np.linalg.eigvalsh(2.0 * rate * gains - growth)[0]
+            >= -1e-9 * rate * np.abs(gains).max()
+            for gains in (stiffness, after)
+        ):
+            return after, its_damping
+        share *= SHRINKS
+    return stiffness, damping
+
+
+def attractor_with_gains(motion: Motion, stiffness: ArrayLike, damping: ArrayLike) -> np.ndarray:
+    """Attractor (n, d) with which K (y - x) - D x' makes a motion (n, d): (7.20) for stiffness and
+    damping matrices (n, d, d).
+    """
+    stiffness, damping = as_finite(stiffness, "stiffness", 3), as_finite(damping, "damping", 3)
+    pull = motion.acceleration + np.einsum("nij,nj->ni", damping, motion.velocity)
+    return motion.position + np.linalg.solve(stiffness, pull[..., None])[..., 0]

@@ -12,7 +12,6 @@ polynomials of degree 5, so that they contain only noise.
 
 from __future__ import annotations
 
-from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,9 +29,6 @@ MIN_SAMPLES = 8
 RISK_WINDOW = 300
 # Median of the absolute value of a normal variable of unit variance.
 NORMAL_MEDIAN = 0.6744897501960817
-# Stamps, in units of their mean interval, are rounded to so many decimals: the rest is rounding of
-# the clock.
-DECIMALS = 10
 # lambda in units of the mean sample interval, per unit of noise variance.
 LOG_PENALTIES = np.linspace(-6.0, 12.0, 181)
 GAUSS_POINTS = np.polynomial.legendre.leggauss(3)
@@ -73,15 +69,13 @@ def smooth_derivatives(
     at = time if at is None else _within(as_finite(at, "at", 1), time)
     levels, groups = _noise_levels(time, samples, noise)
     interval = (time[-1] - time[0]) / (len(time) - 1)
-    stamps = (time - time[0]) / interval
-    smoother = _smoother_at(stamps)
-    basis = smoother.basis
+    basis = _QuinticBasis((time - time[0]) / interval)
     # The quadratic trend is fitted separately: with a large penalty the system is ill-conditioned
     # and would disturb it.
-    trend = smoother.trend(samples)
+    trend = basis.trend(samples)
     rest, penalties = samples - trend, np.zeros(samples.shape[1])
     if levels.any():
-        risk = smoother.risk(rest / np.where(levels > 0, levels, 1.0))
+        risk = _risk(basis, rest / np.where(levels > 0, levels, 1.0))
         for group in groups:
             if levels[group.start] > 0:
                 penalties[group] = _best_penalty(risk[:, group])
@@ -164,53 +158,34 @@ def contrasts(time: np.ndarray, samples: np.ndarray) -> np.ndarray:
     )
 
 
-class _Smoother:
-    """The part of the penalised least squares fit that depends on the stamps only, and not on the
-    samples.
+def _risk(basis: _QuinticBasis, samples: np.ndarray) -> np.ndarray:
+    """Estimated risk (n_penalties, d) of samples (n, d) with noise of standard deviation 1, up to
+    a constant.
     """
-
-    def __init__(self, stamps: np.ndarray):
-        self.basis = _QuinticBasis(stamps)
-        self._trends = _quadratics(stamps)
-
-    def trend(self, samples: np.ndarray) -> np.ndarray:
-        """Values (n, d) of the quadratic polynomials that fit samples (n, d) best; the penalty
-        does not act on them.
-        """
-        return self._trends @ (self._trends.T @ samples)
-
-    @cached_property
-    def _windows(self) -> list[_RiskWindow]:
-        stamps = self.basis.stamps
-        n_windows = max(1, round(len(stamps) / RISK_WINDOW))
-        return [
-            _RiskWindow(self.basis if n_windows == 1 else _QuinticBasis(part))
-            for part in np.array_split(stamps, n_windows)
-        ]
-
-    def risk(self, samples: np.ndarray) -> np.ndarray:
-        """Estimated risk (n_penalties, d) of samples (n, d) with noise of standard deviation 1, up
-        to a constant.
-        """
-        parts = np.array_split(samples, len(self._windows))
-        return np.sum(
-            [window.risk(part) for window, part in zip(self._windows, parts, strict=True)], axis=0
-        )
+    n_windows = max(1, round(len(samples) / RISK_WINDOW))
+    parts = zip(
+        np.array_split(basis.stamps, n_windows), np.array_split(samples, n_windows), strict=True
+    )
+    return np.sum(
+        [
+            _window_risk(basis if n_windows == 1 else _QuinticBasis(stamps), part)
+            for stamps, part in parts
+        ],
+        axis=0,
+    )
 
 
-def _smoother_at(stamps: np.ndarray) -> _Smoother:
-    """The smoother for stamps in units of their mean interval.
-
-    Short series with equal stamps share one, since the demonstrations of one camera system are
-    often sampled alike.
+def _window_risk(basis: _QuinticBasis, samples: np.ndarray) -> np.ndarray:
+    """Residual sum of squares plus twice the trace of the smoother, up to constants:
+    (n_penalties, d), in the basis in which the smoother is diagonal.
     """
-    stamps = np.round(stamps, DECIMALS)
-    return _shared_smoother(stamps.tobytes()) if len(stamps) <= RISK_WINDOW else _Smoother(stamps)
+    from scipy.linalg import eigh
 
-
-@lru_cache(maxsize=32)
-def _shared_smoother(stamps: bytes) -> _Smoother:
-    return _Smoother(np.frombuffer(stamps))
+    # In these coordinates B'B is the identity, and the roughness diagonal.
+    values, vectors = eigh(basis.roughness.toarray(), basis.gram.toarray())
+    kept = 1.0 / (1.0 + 10.0 ** LOG_PENALTIES[:, None] * np.maximum(values, 0.0))
+    projected = (basis.design @ vectors).T @ (samples - basis.trend(samples))
+    return np.square(1.0 - kept) @ np.square(projected) + 2.0 * kept.sum(axis=1)[:, None]
 
 
 def _best_penalty(risk: np.ndarray) -> float:
@@ -218,36 +193,6 @@ def _best_penalty(risk: np.ndarray) -> float:
     alike.
     """
     return float(10.0 ** LOG_PENALTIES[risk.sum(axis=1).argmin()])
-
-
-class _RiskWindow:
-    """The smoother for one window of stamps, in the basis in which it is diagonal."""
-
-    def __init__(self, basis: _QuinticBasis):
-        from scipy.linalg import eigh
-
-        # In these coordinates B'B is the identity, and the roughness diagonal.
-        values, vectors = eigh(basis.roughness.toarray(), basis.gram.toarray())
-        self._trends = _quadratics(basis.stamps)
-        self._project = (basis.design @ vectors).T
-        kept = 1.0 / (1.0 + 10.0 ** LOG_PENALTIES[:, None] * np.maximum(values, 0.0))
-        self._left, self._trace = np.square(1.0 - kept), kept.sum(axis=1)[:, None]
-
-    def risk(self, samples: np.ndarray) -> np.ndarray:
-        """Residual sum of squares plus twice the trace of the smoother, up to constants:
-        (n_penalties, d).
-        """
-        projected = self._project @ (samples - self._trends @ (self._trends.T @ samples))
-        return self._left @ np.square(projected) + 2.0 * self._trace
-
-
-def _quadratics(stamps: np.ndarray) -> np.ndarray:
-    """Orthonormal quadratic polynomials (n, 3) at stamps (n,)."""
-    return np.linalg.qr(
-        np.polynomial.legendre.legvander(
-            2.0 * (stamps - stamps[0]) / (stamps[-1] - stamps[0]) - 1.0, 2
-        )
-    )[0]
 
 
 class _QuinticBasis:
@@ -269,6 +214,12 @@ class _QuinticBasis:
         self.design = BSpline.design_matrix(stamps, self.knots, DEGREE)
         self.gram = self.design.T @ self.design
         self.roughness = self._roughness()
+        # Orthonormal quadratic polynomials (n, 3).
+        self._quadratics = np.linalg.qr(
+            np.polynomial.legendre.legvander(
+                2.0 * (stamps - stamps[0]) / (stamps[-1] - stamps[0]) - 1.0, 2
+            )
+        )[0]
 
     def _roughness(self) -> Any:
         """integral B'''(t) B'''(t)' dt; three Gauss points are exact for the product of two
@@ -288,6 +239,12 @@ class _QuinticBasis:
             values = values @ diags([-rate, rate], [0, 1], shape=(len(rate), len(rate) + 1))
         values = diags(np.sqrt(half * weights).ravel()) @ values
         return values.T @ values
+
+    def trend(self, samples: np.ndarray) -> np.ndarray:
+        """Values (n, d) of the quadratic polynomials that fit samples (n, d) best; the penalty
+        does not act on them.
+        """
+        return self._quadratics @ (self._quadratics.T @ samples)
 
     def sums(self, samples: np.ndarray) -> np.ndarray:
         """B'x (m, d) of samples x (n, d): all that a fit needs of them."""

@@ -6,10 +6,21 @@ the canonical system (7.6) has a closed form: z = exp(-decay s) solves z' = -tau
 angle 2 pi s solves z' = tau omega.
 
 The goal of a discrete primitive moves, too: `blend` is a smooth path from start to goal, and
-`BlendAttractor` its attractor (7.20), which makes a spring-damper follow the path.
+`blend_attractor` its attractor (7.20), which makes a spring-damper follow the path.
+
+The spring-damper is integrated by classical Runge-Kutta steps of x'' = stiffness (u(s) - x) -
+damping x' with a drive that is known beforehand. The system is linear. So the four evaluations of
+a step become one equation, x+ = R x + g0 u(s) + g1 u(s + h/2) + g2 u(s + h), with matrices that
+depend on h only. The result is the same, and all steps can be computed at once.
 """
 
+import math
+from typing import NamedTuple
+
 import numpy as np
+from numpy.polynomial import Polynomial
+
+from dart_skill.movement._attractor import recur
 
 OVERLAP = 0.5
 """Value of a kernel at the centre of its neighbour."""
@@ -43,14 +54,14 @@ class GaussianKernels:
     def raw(self, progress: np.ndarray) -> np.ndarray:
         """Numerators (n, n_basis) of (7.11), up to a common factor per row."""
         phase = self.phase(progress)
-        exponent = _rows(phase, phase * phase) @ self._exponents
+        exponent = np.stack([np.ones_like(phase), phase, phase * phase], axis=1) @ self._exponents
         if progress.max(initial=0.0) > 1.0:
             # Beyond the last centre all kernels would underflow; relative to the last kernel they
             # do not.
             exponent += np.square(np.maximum(self.centres[-1] - phase, 0.0) / self.widths[-1])[
                 :, None
             ]
-        return np.exp(exponent, out=exponent)
+        return np.exp(exponent)
 
 
 class PeriodicKernels:
@@ -76,8 +87,8 @@ class PeriodicKernels:
     def raw(self, progress: np.ndarray) -> np.ndarray:
         """Numerators (n, n_basis) of the kernels."""
         angle = self.phase(progress)
-        exponent = _rows(np.cos(angle), np.sin(angle)) @ self._exponents
-        return np.exp(exponent, out=exponent)
+        waves = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1)
+        return np.exp(waves @ self._exponents)
 
 
 Kernels = GaussianKernels | PeriodicKernels
@@ -91,24 +102,9 @@ def _ties(neighbours: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return tie, NEIGHBOUR_PENALTY * tie + SIZE_PENALTY * np.eye(len(tie))
 
 
-def _rows(second: np.ndarray, third: np.ndarray) -> np.ndarray:
-    """Columns 1, second and third as one array (n, 3); np.stack would be too slow for online
-    steps.
-    """
-    columns = np.empty((3, len(second)))
-    columns[0], columns[1], columns[2] = 1.0, second, third
-    return columns.T
-
-
 def normalised(raw: np.ndarray) -> np.ndarray:
-    """Rows (n, n_basis) scaled in place to sum to one: the denominator of (7.11)."""
-    raw /= (raw @ np.ones(raw.shape[1]))[:, None]
-    return raw
-
-
-def transformation(raw: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """f (n, d) of (7.10) from numerators (n, n_basis) and weights (n_basis, d)."""
-    return (raw @ weights) / raw.sum(axis=1, keepdims=True)
+    """Rows (n, n_basis) scaled to sum to one: the denominator of (7.11)."""
+    return raw / raw.sum(axis=1, keepdims=True)
 
 
 def regress_locally(
@@ -139,11 +135,10 @@ def regress_jointly(
 
     (7.13) fits each kernel as if it were alone, although neighbours overlap and add up. That is
     the first Jacobi step towards this solution (the normal matrix is replaced by its row sums). It
-    smooths the movement by a kernel's width. psi is overwritten: a second array of its size would
-    take longer to get from the system than to compute.
+    smooths the movement by a kernel's width.
     """
     share = np.sqrt(weights)
-    features = np.multiply(psi, (share * gate)[:, None], out=psi)
+    features = psi * (share * gate)[:, None]
     normal = features.T @ features
     normal += normal.sum() / len(normal) * kernels.penalty
     return np.linalg.solve(normal, features.T @ (share[:, None] * target))
@@ -152,9 +147,8 @@ def regress_jointly(
 REGRESSIONS = {"joint": regress_jointly, "local": regress_locally}
 
 
-# The blend is s^5 times this polynomial, lowest power first: its first four derivatives are zero
-# at s = 0 and s = 1.
-BLEND = [126.0, -420.0, 540.0, -315.0, 70.0]
+BLEND = Polynomial([0.0, 0.0, 0.0, 0.0, 0.0, 126.0, -420.0, 540.0, -315.0, 70.0])
+"""Path from 0 at s = 0 to 1 at s = 1, whose first four derivatives are zero at both ends."""
 
 
 def blend(progress: np.ndarray) -> np.ndarray:
@@ -162,11 +156,12 @@ def blend(progress: np.ndarray) -> np.ndarray:
 
     So an integration of fourth order keeps its order, wherever its steps are.
     """
-    return _polynomial(np.clip(progress, 0.0, 1.0), 5, BLEND)
+    return BLEND(np.clip(progress, 0.0, 1.0))
 
 
-class BlendAttractor:
-    """(7.20) for the blend: the attractor that makes a spring-damper move along it.
+def blend_attractor(stiffness: float, damping: float) -> Polynomial:
+    """(7.20) for the blend over s in [0, 1]: the attractor that makes a spring-damper move along
+    it.
 
     Parameters
     ----------
@@ -175,22 +170,83 @@ class BlendAttractor:
     damping
         Of the spring-damper [1/s].
     """
-
-    def __init__(self, stiffness: float, damping: float):
-        path, powers = np.concatenate([np.zeros(5), BLEND]), np.arange(1.0, 10.0)
-        velocity = powers * path[1:]
-        path[:-1] += velocity * (damping / stiffness)
-        path[:-2] += powers[:-1] * velocity[1:] / stiffness
-        self._coefficients = path[3:].tolist()
-
-    def __call__(self, progress: np.ndarray) -> np.ndarray:
-        return _polynomial(np.clip(progress, 0.0, 1.0), 3, self._coefficients)
+    return BLEND + BLEND.deriv() * (damping / stiffness) + BLEND.deriv(2) / stiffness
 
 
-def _polynomial(s: np.ndarray, power: int, coefficients: list[float]) -> np.ndarray:
-    """s^power (c_0 + c_1 s + ...) by Horner's rule."""
-    value = coefficients[-1] * s
-    for coefficient in coefficients[-2:0:-1]:
-        value += coefficient
-        value *= s
-    return (value + coefficients[0]) * s**power
+class Steps(NamedTuple):
+    """m steps of integration.
+
+    Parameters
+    ----------
+    stages : (2 m + 1,)
+        Ends and middles of the steps.
+    length
+        One number, or (m,) if they differ.
+    per_node
+        Number of steps from one node to the next.
+    """
+
+    stages: np.ndarray
+    length: float | np.ndarray
+    per_node: int
+
+
+def divide(nodes: np.ndarray, longest: float) -> Steps:
+    """Steps from node to node (n,), none of which is longer than `longest`."""
+    if len(nodes) == 1:
+        return Steps(nodes, longest, 1)
+    gaps = nodes[1:] - nodes[:-1]
+    longest_gap = float(gaps.max())
+    per_node = max(1, math.ceil(longest_gap / longest - 1e-9))
+    length = gaps / per_node
+    even = longest_gap - gaps.min() <= 1e-9 * longest_gap
+    fractions = np.arange(2 * per_node) / (2 * per_node)
+    stages = np.append(nodes[:-1, None] + gaps[:, None] * fractions, nodes[-1])
+    return Steps(stages, float(length.mean()) if even else np.repeat(length, per_node), per_node)
+
+
+def step_gains(
+    length: float | np.ndarray, stiffness: float, damping: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """R (..., 2, 2) and [g0, g1, g2] (..., 2, 3) on a state of position and velocity, for one step
+    length or for m of them. The drive is an acceleration.
+    """
+    h = np.asarray(length, dtype=float)[..., None, None]
+    a = h * np.array([[0.0, 1.0], [-stiffness, -damping]])
+    a2 = a @ a
+    a3 = a2 @ a
+    eye = np.eye(2)
+    first, middle, last = (
+        eye + a + a2 / 2.0 + a3 / 4.0,
+        4.0 * eye + 2.0 * a + a2 / 2.0,
+        np.broadcast_to(eye, a.shape),
+    )
+    # The drive is an acceleration: it enters through the second column.
+    kicks = h / 6.0 * np.stack([first[..., 1], middle[..., 1], last[..., 1]], axis=-1)
+    return eye + a + a2 / 2.0 + a3 / 6.0 + a2 @ a2 / 24.0, kicks
+
+
+def integrate(
+    steps: Steps, stiffness: float, damping: float, state: np.ndarray, drive: np.ndarray
+) -> np.ndarray:
+    """Position and velocity (2, n, d) at the n nodes.
+
+    Parameters
+    ----------
+    state : (2, d)
+        Position and velocity at the first node.
+    drive : (2 m + 1, d)
+        At the stages.
+    """
+    transitions, kicks = step_gains(steps.length, stiffness, damping)
+    # Kicks (2, 1, 1) for one length, (2, m, 1) for many.
+    first, middle, last = (kick.T.reshape(2, -1, 1) for kick in np.moveaxis(kicks, -1, 0))
+    states = np.empty((2, len(drive) // 2 + 1, drive.shape[1]))
+    states[:, 0] = state
+    states[:, 1:] = first * drive[:-1:2] + middle * drive[1::2] + last * drive[2::2]
+    if transitions.ndim == 2:
+        states = recur(transitions, states)
+    else:
+        for k, transition in enumerate(transitions):
+            states[:, k + 1] += transition @ states[:, k]
+    return states[:, :: steps.per_node]

@@ -22,11 +22,11 @@ from dart_skill.movement._differentiation import Motion
 from dart_skill.movement._forcing import (
     REGRESSIONS,
     Kernels,
+    divide,
+    integrate,
     normalised,
     regress_jointly,
-    transformation,
 )
-from dart_skill.movement._runge_kutta import divide, integrate
 from dart_skill.movement._time import as_stamps
 
 # A tracking error slows a movement down to this share of its pace at least. At zero it could not
@@ -82,16 +82,6 @@ class PrimitiveState:
     goal: np.ndarray
     amplitude: np.ndarray
     wanted: Execution
-
-
-class PhaseClock(NamedTuple):
-    """Progress since a state, the pace at that time, and its change per second: numbers, or
-    columns (n, 1); no change: None.
-    """
-
-    made: float | np.ndarray
-    pace: float | np.ndarray
-    change: float | np.ndarray | None
 
 
 AnyPrimitive = TypeVar("AnyPrimitive", bound="Primitive")
@@ -177,10 +167,8 @@ class Primitive(SavableModel):
         """
         state = self.begin() if state is None else self._as_state(state)
         stamps = self._as_times(times, state.wanted.duration)
-        clock = self._clock(state, (stamps - stamps[0])[:, None], 1.0)
-        return Trajectory(
-            stamps, *_timed(clock, *self._follow(state, np.asarray(clock.made)[:, 0], None))
-        )
+        made, pace, change = self._clock(state, stamps - stamps[0], 1.0)
+        return Trajectory(stamps, *_timed(pace, change, *self._follow(state, made, None)))
 
     def _to_arrays(self) -> Arrays:
         self._fitted()
@@ -244,9 +232,8 @@ class Primitive(SavableModel):
 
     def _transformation(self, progress: np.ndarray) -> np.ndarray:
         """f (n, d) of (7.10) at progress (n,)."""
-        return self._gate(progress)[:, None] * transformation(
-            self._kernels.raw(progress), self.weights_
-        )
+        psi = normalised(self._kernels.raw(progress))
+        return self._gate(progress)[:, None] * (psi @ self.weights_)
 
     def _begin(
         self, wanted: Execution, position: np.ndarray, velocity: np.ndarray, progress: float
@@ -263,29 +250,29 @@ class Primitive(SavableModel):
         """The state dt seconds later, with a share of the wanted pace and a push, an acceleration
         (d,).
         """
-        clock = self._clock(state, dt, share)
-        made = float(clock.made)
-        position, slope, curvature = self._follow(
-            state, np.array([0.0, made]) if made else np.zeros(1), push
+        made, pace, change = self._clock(state, np.array([0.0, dt]), share)
+        path = self._follow(state, made if dt else made[:1], push)
+        motion = _timed(pace[-1:], change[-1:], *(rows[-1:] for rows in path))
+        goal, amplitude = self._settled(state, made[-1:, None])
+        return PrimitiveState(
+            *(rows[0] for rows in motion),
+            self._wrapped(state.progress + float(made[-1])),
+            float(pace[-1]),
+            goal[0],
+            amplitude[0],
+            state.wanted,
         )
-        motion = _timed(clock, position[-1], slope[-1], curvature[-1])
-        goal, amplitude = self._settled(state, made)
-        progress = self._wrapped(state.progress + made)
-        return PrimitiveState(*motion, progress, float(clock.pace), goal, amplitude, state.wanted)
 
     def _clock(
-        self, state: PrimitiveState, elapsed: float | np.ndarray, share: float
-    ) -> PhaseClock:
-        """Progress and pace after a time [s]: the pace approaches a share of the wanted one."""
+        self, state: PrimitiveState, elapsed: np.ndarray, share: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Progress since a state, pace and its change per second (n,) after times (n,) [s]: the
+        pace approaches a share of the wanted one.
+        """
         wanted, rate = share / state.wanted.duration, self._frequency / state.wanted.duration
-        if state.pace == wanted:
-            return PhaseClock(wanted * elapsed, wanted, None)
         excess = (state.pace - wanted) * np.exp(-rate * elapsed)
-        return PhaseClock(
-            wanted * elapsed + (state.pace - wanted - excess) / rate,
-            wanted + excess,
-            -rate * excess,
-        )
+        made = wanted * elapsed + (state.pace - wanted - excess) / rate
+        return made, wanted + excess, -rate * excess
 
     def _follow(
         self, state: PrimitiveState, made: np.ndarray, push: np.ndarray | None
@@ -307,14 +294,11 @@ class Primitive(SavableModel):
         )
         return start + position, slope, curvature
 
-    def _settled(
-        self, state: PrimitiveState, made: float | np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Goal and amplitude after the progress `made`; both approach the wanted ones."""
-        wanted = state.wanted
-        if state.goal is wanted.goal and state.amplitude is wanted.amplitude:
-            return wanted.goal, wanted.amplitude
-        lag = np.exp(-self._frequency * made)
+    def _settled(self, state: PrimitiveState, made: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Goal and amplitude (n, d) after the progress `made` (n, 1); both approach the wanted
+        ones.
+        """
+        wanted, lag = state.wanted, np.exp(-self._frequency * made)
         return wanted.goal + lag * (state.goal - wanted.goal), wanted.amplitude + lag * (
             state.amplitude - wanted.amplitude
         )
@@ -389,12 +373,14 @@ class Primitive(SavableModel):
 
 
 def _timed(
-    clock: PhaseClock, position: np.ndarray, slope: np.ndarray, curvature: np.ndarray
+    pace: np.ndarray,
+    change: np.ndarray,
+    position: np.ndarray,
+    slope: np.ndarray,
+    curvature: np.ndarray,
 ) -> Motion:
-    """Motion in seconds from a path and its derivatives by progress."""
-    acceleration = clock.pace**2 * curvature
-    return Motion(
-        position,
-        clock.pace * slope,
-        acceleration if clock.change is None else acceleration + clock.change * slope,
-    )
+    """Motion in seconds from a path (n, d) and its derivatives by progress, at a pace (n,) that
+    changes (n,).
+    """
+    pace, change = pace[:, None], change[:, None]
+    return Motion(position, pace * slope, pace**2 * curvature + change * slope)

@@ -43,17 +43,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count, as_finite, as_number
-from dart_skill.movement._demonstrations import ShownMovement, as_demonstrations, shares
+from dart_skill.movement._demonstrations import (
+    ShownMovement,
+    as_demonstrations,
+    as_period,
+    estimate_period,
+    mean_over_periods,
+    shares,
+)
 from dart_skill.movement._forcing import (
     REGRESSIONS,
-    BlendAttractor,
     GaussianKernels,
     PeriodicKernels,
     blend,
+    blend_attractor,
+    divide,
+    integrate,
 )
-from dart_skill.movement._period import as_period, estimate_period, mean_over_periods
 from dart_skill.movement._primitive import Execution, Primitive, PrimitiveState, Trajectory
-from dart_skill.movement._runge_kutta import divide, integrate
 
 # A forcing term without the factor z fades to zero within this share of the duration after the
 # end.
@@ -132,7 +139,7 @@ class DiscretePrimitive(Primitive):
         )
         self.regression = regression
         self.canonical_decay, self.phase_scaled, self.goal_path = decay, phase_scaled, goal_path
-        self._smooth_path = BlendAttractor(self.stiffness, self._damping)
+        self._smooth_path = blend_attractor(self.stiffness, self._damping)
 
     def fit(
         self,
@@ -291,13 +298,13 @@ class DiscretePrimitive(Primitive):
     def _gate(self, progress: np.ndarray) -> np.ndarray:
         if self.phase_scaled:
             return self._kernels.phase(progress)
-        if progress.max(initial=0.0) <= 1.0:
-            return np.ones(len(progress))
         return 1.0 - blend((progress - 1.0) / RELEASE)
 
     def _goal_path(self, progress: np.ndarray) -> np.ndarray:
         """g of (7.8) as a share of the way from start to goal."""
-        return np.ones(len(progress)) if self.goal_path == "fixed" else self._smooth_path(progress)
+        if self.goal_path == "fixed":
+            return np.ones(len(progress))
+        return self._smooth_path(np.clip(progress, 0.0, 1.0))
 
 
 # Least number of steps per period with which the limit cycle is computed.

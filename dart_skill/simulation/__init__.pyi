@@ -1,10 +1,10 @@
 from dart_skill.simulation._arm_geometry import ArmGeometry as ArmGeometry
-from dart_skill.simulation._basket import Basket as Basket
-from dart_skill.simulation._board import Board as Board
 from dart_skill.simulation._bullet import ArmDynamics as ArmDynamics
 from dart_skill.simulation._bullet import connect as connect
 from dart_skill.simulation._carrier import Carrier as Carrier
 from dart_skill.simulation._carrier import Carrying as Carrying
+from dart_skill.simulation._carrier import Reacher as Reacher
+from dart_skill.simulation._carrier import Reaching as Reaching
 from dart_skill.simulation._conveyor import Belt as Belt
 from dart_skill.simulation._conveyor import Conveyor as Conveyor
 from dart_skill.simulation._guiding import Guiding as Guiding
@@ -19,11 +19,11 @@ from dart_skill.simulation._motion_capture import MotionCaptureConfig as MotionC
 from dart_skill.simulation._motion_capture import Sample as Sample
 from dart_skill.simulation._plant import Plant as Plant
 from dart_skill.simulation._plant import PlantState as PlantState
+from dart_skill.simulation._plant_settings import Basket as Basket
+from dart_skill.simulation._plant_settings import Board as Board
 from dart_skill.simulation._plant_settings import PlantSettings as PlantSettings
 from dart_skill.simulation._pulled_hand import PulledHand as PulledHand
 from dart_skill.simulation._pulled_hand import Pulling as Pulling
-from dart_skill.simulation._reacher import Reacher as Reacher
-from dart_skill.simulation._reacher import Reaching as Reaching
 from dart_skill.simulation._stillness import Stillness as Stillness
 from dart_skill.simulation._teacher import Person as Person
 from dart_skill.simulation._teacher import Phase as Phase

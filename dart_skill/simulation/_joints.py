@@ -143,9 +143,8 @@ class Joints:
 
     def _from_outside(self, push: Command) -> np.ndarray:
         """What a person does to the joints (7,) [N m]."""
-        pull = self._nominal.geometry.in_joints(
-            self.position, np.asarray(push.wrench, dtype=float)
-        )
+        wrench = np.asarray(push.wrench, dtype=float)
+        pull = self._nominal.geometry.in_joints(self.position, wrench)
         return push.joint_torque if pull is None else push.joint_torque + pull
 
     def braking(self) -> np.ndarray:

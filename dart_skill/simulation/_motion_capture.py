@@ -330,7 +330,7 @@ class MotionCapture:
         """
         if episode != self._episode:
             self.begin(episode)
-        draws = self._draw([frame.number for frame in frames])
+        noise, dropped, latency_ns = self._draw([frame.number for frame in frames])
         present = self._present(frames)
         if not present:
             return []
@@ -340,8 +340,8 @@ class MotionCapture:
         ends, radii = _check_capsules([frame.capsules for frame in frames])
         counts = self._view.count(position, ends, radii, _walls(frames), self.config.min_cameras)
         rows = np.array([self.config.bodies.index(name) for name in present])
-        tracked = (counts == self.config.min_cameras) & ~draws.dropped[:, rows]
-        position, quaternion = self._measure(rows, position, quaternion, draws.noise[:, rows])
+        tracked = (counts == self.config.min_cameras) & ~dropped[:, rows]
+        position, quaternion = self._measure(rows, position, quaternion, noise[:, rows])
         stamps, late = (
             [int(frame.stamp_ns) for frame in frames],
             round(1e9 * self.config.stamp_delay),
@@ -350,7 +350,7 @@ class MotionCapture:
             Sample(
                 present[i],
                 stamps[k] + late,
-                stamps[k] + draws.latency_ns[k],
+                stamps[k] + latency_ns[k],
                 position[k, i],
                 quaternion[k, i],
             )
@@ -367,9 +367,10 @@ class MotionCapture:
         # frame at which the dropout of each body is over
         self._lost_until = np.zeros(len(self.config.bodies), dtype=int)
 
-    def _draw(self, numbers: Sequence[int | None]) -> _Draws:
-        """Draw all random numbers of frames, whether they are needed or not, and also those of
-        missing frames; note the dropouts.
+    def _draw(self, numbers: Sequence[int | None]) -> tuple[np.ndarray, np.ndarray, list[int]]:
+        """Noise (n_frames, n_bodies, 6), whether a body is lost (n_frames, n_bodies), and
+        latencies [ns] of frames; all are drawn, whether they are needed or not, and also those of
+        missing frames.
         """
         rows = self._since_the_last(numbers)
         n_frames, n_bodies, rng, config = (
@@ -397,7 +398,7 @@ class MotionCapture:
         )
         if n_frames > len(rows):  # some never came
             noise, dropped, latency = noise[rows], dropped[rows], latency[rows]
-        return _Draws(noise, dropped, latency.tolist())
+        return noise, dropped, latency.tolist()
 
     def _since_the_last(self, numbers: Sequence[int | None]) -> list[int]:
         """How many frames after the next one each is; ValueError for one that was there already,
@@ -472,13 +473,6 @@ class LatencyQueue:
     def clear(self) -> None:
         """Forget what is on its way, as when time jumps back."""
         self._waiting.clear()
-
-
-@dataclass(frozen=True)
-class _Draws:
-    noise: np.ndarray  # (n_frames, n_bodies, 6)
-    dropped: np.ndarray  # (n_frames, n_bodies) bool
-    latency_ns: list[int]  # n_frames
 
 
 def _lines_of_sight(config: MotionCaptureConfig) -> LinesOfSight:

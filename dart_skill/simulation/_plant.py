@@ -23,10 +23,8 @@ from dart_skill.arm import (
 from dart_skill.common.constants import AIR_DENSITY
 from dart_skill.common.quaternions import rotate
 from dart_skill.simulation._arm_in_world import HAND_LINK_INDEX, ArmInWorld, small_box, unseen
-from dart_skill.simulation._basket import basket_urdf
-from dart_skill.simulation._board import Board
 from dart_skill.simulation._bullet import BulletClient, connect, load_urdf, pybullet
-from dart_skill.simulation._plant_settings import PlantSettings
+from dart_skill.simulation._plant_settings import Board, PlantSettings, basket_urdf
 
 RENEWED = 50
 """Episodes after which the physics server is a new one: PyBullet keeps 10 kB of every body that it

@@ -155,7 +155,7 @@ class PulledHand(Guiding):
         self._follow(self._time(state))
         if self._guides and self._now - self._pulled > self.pulling.patience:
             raise ValueError(
-                f"nobody has pulled the hand for {self.pulling.patience:.0f} s: the lesson ends"
+                f"the hand was not pulled for {self.pulling.patience:.0f} s: the lesson ends"
             )
         return super().step(state)
 

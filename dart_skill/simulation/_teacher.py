@@ -133,48 +133,6 @@ class Phase(Enum):
     WATCHING = "watching"
 
 
-class Quintic:
-    """The quintic with given ends and no acceleration there.
-
-    Parameters
-    ----------
-    start, start_rate
-        Of the joints where it begins (n,) [rad], [rad/s].
-    end, end_rate
-        Where it ends.
-    duration
-        [s].
-    """
-
-    def __init__(
-        self,
-        start: np.ndarray,
-        start_rate: np.ndarray,
-        end: np.ndarray,
-        end_rate: np.ndarray,
-        duration: float,
-    ):
-        v0, v1, way = start_rate * duration, end_rate * duration, end - start
-        third, fourth = 10 * way - 6 * v0 - 4 * v1, -15 * way + 8 * v0 + 7 * v1
-        self._coefficients = start, v0, third, fourth, 6 * way - 3 * v0 - 3 * v1
-        self._duration = duration
-
-    def at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """Position and velocity (n,) [rad], [rad/s].
-
-        Parameters
-        ----------
-        time
-            Since its start [s].
-        """
-        start, v0, c3, c4, c5 = self._coefficients
-        s = time / self._duration
-        square = s**2
-        position = start + s * (v0 + square * (c3 + s * (c4 + s * c5)))
-        rate = v0 + square * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5))
-        return position, rate / self._duration
-
-
 @dataclass
 class _Motion:
     """A swing worked out in joint angles, with the instants of its phases since the beginning of
@@ -193,15 +151,22 @@ class _Motion:
     offset: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     @cached_property
-    def swing(self) -> Quintic:
-        """From the cocked posture to the release."""
-        return Quintic(self.cocked, np.zeros(N_JOINTS), self.release, self.rates, self.to_release)
+    def angles(self) -> Any:
+        """Angles (7,) from the cocked posture through the release to rest, as quintics without
+        acceleration at the ends of both, a function of the time since the start [s].
+        """
+        from scipy.interpolate import BPoly  # only a throw that is shown needs it
+
+        rest = np.zeros(N_JOINTS)
+        end = self.release + 0.5 * self.follow_through * self.rates
+        ends = [(self.cocked, rest, rest), (self.release, self.rates, rest), (end, rest, rest)]
+        instants = np.cumsum([0.0, self.to_release, self.follow_through])
+        return BPoly.from_derivatives(instants, np.array(ends))
 
     @cached_property
-    def follow(self) -> Quintic:
-        """From the release to rest."""
-        end = self.release + 0.5 * self.follow_through * self.rates
-        return Quintic(self.release, self.rates, end, np.zeros(N_JOINTS), self.follow_through)
+    def speeds(self) -> Any:
+        """The same of their rates (7,) [rad/s]."""
+        return self.angles.derivative()
 
 
 class Teacher:
@@ -296,7 +261,7 @@ class Teacher:
         """
         if not np.isfinite(landed[:2]).all():
             raise ValueError(
-                f"nobody saw where the ball landed ({landed}): there is nothing to learn from it"
+                f"no landing of the ball was seen ({landed}): there is nothing to learn from it"
             )
         along, across = self._game.surface.miss(landed - self._target, self._target)
         self._correction = self._correction - 0.8 * np.array(
@@ -428,10 +393,8 @@ class Teacher:
         motion = self._motion
         if time < motion.start:
             return minimum_jerk(motion.initial, motion.cocked, motion.turn, time)[:2]
-        since = time - motion.start
-        if since < motion.to_release:
-            return motion.swing.at(since)
-        return motion.follow.at(min(since - motion.to_release, motion.follow_through))
+        since = min(time - motion.start, motion.to_release + motion.follow_through)
+        return motion.angles(since), motion.speeds(since)
 
     # the hands
 

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.simulation._board import Board
 from dart_skill.simulation._plant import Plant
-from dart_skill.simulation._plant_settings import PlantSettings
+from dart_skill.simulation._plant_settings import Board, PlantSettings
 
 WORLDS = ("basket", "board", "bench", "belt")
 """A ball in the hand, and a basket; a dart, and a board; a part on a table, and a holder into

@@ -3,9 +3,8 @@ was heard of them, go or no go.
 """
 
 from dart_skill.arm.check._check import ArmReport, check_arm
-from dart_skill.arm.check._heard import Endpoint, Heard, HeardJoints, HeardPoses
+from dart_skill.arm.check._heard import Endpoint, Grade, Heard, HeardJoints, HeardPoses, Line
 from dart_skill.arm.check._joints import PostureCounter
-from dart_skill.arm.check._line import Grade, Line
 
 __all__ = [
     "ArmReport",

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dart_skill.arm import ArmModel
-from dart_skill.arm.check._heard import Heard, HeardPoses
-from dart_skill.arm.check._line import Grade, Line, graded, line
+from dart_skill.arm.check._heard import Grade, Heard, HeardPoses, Line, graded, line
 from dart_skill.skills.observation import position_noise
 
 RATE = 100.0

@@ -12,9 +12,8 @@ import numpy as np
 from dart_skill.arm import ArmModel, RegistrationFit, WamDescription
 from dart_skill.arm.check._cameras import RATE, camera_lines
 from dart_skill.arm.check._hand import hand_lines
-from dart_skill.arm.check._heard import Heard
+from dart_skill.arm.check._heard import Grade, Heard, Line, graded, line
 from dart_skill.arm.check._joints import joint_lines
-from dart_skill.arm.check._line import Grade, Line, graded, line
 from dart_skill.arm.check._topics import (
     command_line,
     frame_line,

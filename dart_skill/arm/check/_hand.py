@@ -8,9 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import ArmModel, RegistrationFit, Sightings, measure_registration
-from dart_skill.arm.check._heard import Heard
+from dart_skill.arm.check._heard import Grade, Heard, Line, graded, line, worst
 from dart_skill.arm.check._joints import speeds_of
-from dart_skill.arm.check._line import Grade, Line, graded, line, worst
 
 STEP = 0.05
 """The hand is looked at whenever a joint has moved by so much since the last time [rad]."""

@@ -7,8 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from dart_skill.arm import WamDescription
-from dart_skill.arm.check._heard import HeardJoints
-from dart_skill.arm.check._line import Grade, Line, line
+from dart_skill.arm.check._heard import Grade, HeardJoints, Line, line
 from dart_skill.common.world import joint_order
 
 SLOW = 0.05

@@ -4,8 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from dart_skill.arm.check._heard import Heard, HeardPoses, HeardTopic
-from dart_skill.arm.check._line import Grade, Line, graded, line, worst
+from dart_skill.arm.check._heard import (
+    Grade,
+    Heard,
+    HeardPoses,
+    HeardTopic,
+    Line,
+    graded,
+    line,
+    worst,
+)
 
 TOLERANCE = 0.05
 """Deviation of a rate that is good, as a share of it."""
@@ -237,7 +245,7 @@ def command_line(heard: Heard) -> Line:
     commanders, drivers = (
         [one.node for one in side] for side in (heard.commanders, heard.drivers)
     )
-    measured = f"from {', '.join(commanders) or 'nobody'} to {', '.join(drivers) or 'nobody'}"
+    measured = f"from {', '.join(commanders) or 'none'} to {', '.join(drivers) or 'none'}"
     remedy = f"end all but one of {', '.join(commanders)}"
     verdict = Grade.NO_GO if len(commanders) > 1 else Grade.GO
     if len(commanders) <= 1 and not (commanders and drivers):

@@ -6,7 +6,7 @@ quaternion x, y, z, w. q and -q are one orientation.
 """
 
 from dart_skill.movement.pose._ds_gmr import PoseDSGMR, PoseReproduction
-from dart_skill.movement.pose._frames import PoseFrame
+from dart_skill.movement.pose._em import PoseFrame
 from dart_skill.movement.pose._gaussians import PoseMixture, product_of_poses
 from dart_skill.movement.pose._manifold import (
     angles_between,

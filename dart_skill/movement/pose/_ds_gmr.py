@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from dart_skill.movement._ds_gmr import OVERLAP, AttractorModel, step_of
 from dart_skill.movement._placement import Weights
 from dart_skill.movement._time import as_stamps
-from dart_skill.movement.pose._frames import PoseCourse
+from dart_skill.movement.pose._em import PoseCourse
 from dart_skill.movement.pose._gaussians import PoseMixture
 from dart_skill.movement.pose._motion import (
     PoseMotion,

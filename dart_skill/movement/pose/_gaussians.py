@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import (
+    LARGEST_LEARNABLE,
     as_covariances,
     as_dims,
     as_finite,
@@ -21,7 +22,6 @@ from dart_skill.common.checks import (
     require_near,
 )
 from dart_skill.mixture import checked_priors, cholesky, normalise_log, symmetric
-from dart_skill.movement.pose._frames import as_rows
 from dart_skill.movement.pose._manifold import (
     as_points,
     exp_at,
@@ -334,3 +334,18 @@ def regress_rows(
         given[:, None] if given.ndim == 1 and len(into) == 1 else given, "inputs", len(into)
     )
     return regress_at(priors, means, covariances, rows, into)
+
+
+def as_rows(value: ArrayLike, name: str) -> np.ndarray:
+    """Rows (n, q + 7) of q numbers, a position and a unit quaternion."""
+    rows = as_points(value, name, ndim=2)
+    if rows.shape[1] < 7:
+        raise ValueError(
+            f"{name} must have columns x, y, z and a quaternion x, y, z, w, after any numbers, got"
+            f" shape {rows.shape}"
+        )
+    if np.abs(rows).max() > LARGEST_LEARNABLE:
+        raise ValueError(
+            f"{name} holds {np.abs(rows).max():g}, too large for a variance; choose a larger unit"
+        )
+    return rows

@@ -29,8 +29,13 @@ from numpy.typing import ArrayLike
 from dart_skill.common import quaternions
 from dart_skill.common.checks import as_finite, as_vector
 from dart_skill.common.hyper_parameters import Arrays, SavableModel, array_of
-from dart_skill.movement._demonstrations import are_several, complete
-from dart_skill.movement._period import as_period, estimate_period, mean_over_periods
+from dart_skill.movement._demonstrations import (
+    are_several,
+    as_period,
+    complete,
+    estimate_period,
+    mean_over_periods,
+)
 from dart_skill.movement._primitive import Primitive, PrimitiveState
 from dart_skill.movement._primitives import DiscretePrimitive, RhythmicPrimitive
 from dart_skill.movement._time import as_stamps

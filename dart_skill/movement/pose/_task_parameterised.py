@@ -34,15 +34,17 @@ from dart_skill.movement._task_parameterised import (
 )
 from dart_skill.movement.pose._em import (
     Blocks,
+    PoseCourse,
+    Stage,
     expectation,
     iterate,
     maximisation,
     responsibilities_by_kmeans,
     scales_of,
+    see,
     tangents_at,
 )
-from dart_skill.movement.pose._frames import PoseCourse, Stage, as_rows, see
-from dart_skill.movement.pose._gaussians import PoseMixture, product_at, regress_rows
+from dart_skill.movement.pose._gaussians import PoseMixture, as_rows, product_at, regress_rows
 
 PoseFrames = Sequence[Sequence[PoseCourse]]
 """P frames for each demonstration."""

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from dart_skill.arm import Actuation, ArmModel, wam_description
-from dart_skill.arm._actuation import STICTION_SPEED
 from tests.interpreted import interpreted
 
 WAM = wam_description()
@@ -25,6 +24,10 @@ def actuation():
 @pytest.fixture(scope="module")
 def inertia():
     return ArmModel(ball_in_hand=True).mass_matrix(POSTURE)
+
+
+STICTION_SPEED = 1e-3
+"""Largest speed of a joint that is stuck [rad/s]."""
 
 
 def one(joint, value):

@@ -184,7 +184,7 @@ def test_a_posture_that_cannot_be_is_refused(posture, why):
 def test_a_released_arm_is_not_moved():
     commander = Commander()
     commander.release_arm(True)
-    with pytest.raises(PlanRefused, match="somebody may hold it"):
+    with pytest.raises(PlanRefused, match="a person may hold it"):
         commander.move_to(REST, at(0))
 
 

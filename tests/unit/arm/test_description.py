@@ -10,8 +10,7 @@ import pybullet
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
-from dart_skill.arm import wam_description, write_urdf
-from dart_skill.arm._description import parse_description, symmetric
+from dart_skill.arm import parse_description, wam_description, write_urdf
 from dart_skill.common.configuration import load_yaml
 
 WAM = wam_description()
@@ -110,10 +109,6 @@ def test_every_shape_belongs_to_a_link():
         capsule.radius > 0 and np.linalg.norm(capsule.end - capsule.start) > 0
         for capsule in WAM.capsules
     )
-
-
-def test_symmetric_puts_six_numbers_where_urdf_has_them():
-    np.testing.assert_array_equal(symmetric([1, 2, 3, 4, 5, 6]), [[1, 2, 3], [2, 4, 5], [3, 5, 6]])
 
 
 @pytest.mark.parametrize("missing", ["mount_height", "dh", "hand", "motors", "capsules"])

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from dart_skill.arm import (
     Gains,
@@ -20,15 +20,18 @@ from dart_skill.arm import (
     PlanGuide,
     PoseGains,
     Reference,
+    References,
     Speed,
     attractor_acceleration,
 )
-from dart_skill.arm._guide import HELD_BACK, References
 from dart_skill.common.pace import PhaseRule
+from tests.interpreted import interpreted
 
 SPEED, END, STEP = 0.5, 2.0, 0.01
 TIME = np.arange(0.0, END + STEP, STEP)
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+HELD_BACK = 5.0
+"""Time after which a motion that is held back is given up [s]."""
 RULE = PhaseRule(slowest=0.01, fastest=1.5, time_constant=0.02, ignored=0.01)
 
 
@@ -285,3 +288,27 @@ def test_the_posture_of_a_plan_is_linear_between_its_instants():
 def test_a_posture_for_other_instants_is_refused():
     with pytest.raises(ValueError, match=r"plan.posture has shape \(3, 7\)"):
         along_x(posture=np.zeros((3, 7)))
+
+
+def test_a_plan_turns_its_hand_by_a_share_of_the_way_to_the_next_instant(plan):
+    references, path = References(plan.motion), plan.motion.path
+    turns = path.quaternion, plan.motion.attractor_quaternion
+    slerps = [Slerp(path.time, Rotation.from_quat(turn)) for turn in turns]
+    for time in np.linspace(0.0, path.duration, 50):
+        now = references.at(time)
+        for found, slerp in zip((now.rotation, now.attractor_rotation), slerps, strict=True):
+            np.testing.assert_allclose(found, slerp(time).as_matrix(), atol=1e-5)
+        rows = np.hstack([path.position, path.velocity, path.acceleration])
+        wanted = [np.interp(time, path.time, column) for column in rows.T]
+        given = np.concatenate([now.position, now.velocity, now.acceleration])
+        np.testing.assert_allclose(given, wanted, atol=1e-12)
+
+
+def test_compiled_and_interpreted_have_the_same_bits(plan, monkeypatch):
+    compiled = References(plan.motion)
+    plain = interpreted("dart_skill.arm._plan_rows").PlanRows
+    monkeypatch.setattr("dart_skill.arm._guide.PlanRows", plain)
+    for time in np.linspace(-0.2, 1.2 * plan.path.duration, 30):
+        one, other = compiled.at(time), References(plan.motion).at(time)
+        for name, value in vars(one).items():
+            np.testing.assert_array_equal(value, getattr(other, name), err_msg=name)

@@ -10,18 +10,17 @@ from dart_skill.arm import (
     Actuation,
     ArmModel,
     ArmState,
-    minimum_jerk,
-    rotation_error,
-    wam_description,
-)
-from dart_skill.arm._impedance import (
+    HandState,
     Impedance,
     JointServo,
     PoseGains,
     Reference,
     attractor_acceleration,
+    minimum_jerk,
+    rotation_error,
+    wam_description,
 )
-from dart_skill.arm._model import HandState
+from tests.interpreted import interpreted
 
 WAM = wam_description()
 POSTURE = np.array([0.1, 0.6, 0.2, 0.9, 0.1, 0.5, 0.1])
@@ -358,3 +357,50 @@ def test_minimum_jerk_begins_and_ends_at_rest_and_is_its_own_derivative(duration
 
 def test_arm_state_is_what_the_sensors_tell():
     assert set(vars(ArmState(1, np.zeros(7), np.zeros(7)))) == {"stamp_ns", "position", "velocity"}
+
+
+@pytest.mark.parametrize("time", [0.0, 0.05, 0.5])
+def test_a_braked_motion_dies_away_with_a_time_constant_that_the_torques_allow(model, time):
+    servo, limit, rng = JointServo(Impedance(model)), JointServo.LIMIT, np.random.default_rng(3)
+    for scale in (0.01, 10.0):
+        q, qd, start, speed = (
+            rng.normal(0.0, 1.0, (4, 7)) * np.array([0.01, 1.0, 0.01, scale])[:, None]
+        )
+        needed = model.mass_matrix(q) @ speed
+        longest = max(0.12, (np.abs(needed) / (2 * limit)).max())
+        left = np.exp(-time / longest)
+        pull = servo.follow(q, qd, start + longest * (1 - left) * speed, left * speed)
+        expected = np.clip(pull - needed * left / longest, -2 * limit, 2 * limit)
+        np.testing.assert_allclose(servo.brake(q, qd, start, speed, time), expected, atol=1e-9)
+
+
+def answers(q, qd, posture, wanted, seed):
+    """All that the compiled part of the law says of a state."""
+    impedance, rng = Impedance(ArmModel()), np.random.default_rng(seed)
+    servo, gains = JointServo(impedance), PoseGains(*rng.uniform(1.0, 400.0, (2, 6)))
+    turns = Rotation.random(2, random_state=seed).as_matrix()
+    aim = Reference(rng.normal(size=3), turns[0], rng.normal(size=3), turns[1], wanted, wanted)
+    return [
+        impedance.pulled(q, qd, aim, gains, gains),
+        *impedance.act(q, qd, wanted, posture),
+        *impedance.moved(q, qd, wanted, posture),
+        impedance.friction_torque(qd, q),
+        servo.follow(q, qd, posture, q),
+        servo.damp(qd),
+        servo.brake(q, qd, posture, q, 0.1),
+    ]
+
+
+def test_compiled_and_interpreted_have_the_same_bits(monkeypatch):
+    plain = interpreted("dart_skill.arm._drive")
+    rng, said = np.random.default_rng(5), []
+    states = [
+        (*rng.normal(0.0, 1.0, (3, 7)), rng.normal(0.0, 10.0, 6), seed) for seed in range(10)
+    ]
+    for name in ("", "Drive", "JointSpring", "turn"):
+        if name:
+            monkeypatch.setattr(f"dart_skill.arm._impedance.{name}", getattr(plain, name))
+        said.append([answers(*state) for state in states])
+    for compiled, interpreted_ones in zip(said[0], said[-1], strict=True):
+        for one, other in zip(compiled, interpreted_ones, strict=True):
+            np.testing.assert_array_equal(one, other)

@@ -14,6 +14,7 @@ from dart_skill.arm import (
     check_push,
     wam_description,
 )
+from tests.interpreted import interpreted
 
 LIMITS = SafetyLimits.configured()
 RESTING = np.array([0.0, -1.0, 0.0, 0.75, 0.0, -0.6, 0.0])
@@ -134,14 +135,27 @@ def test_a_command_within_the_limits_is_left_alone():
     assert SafetyModule(LIMITS).limited(command, RESTING) is command
 
 
-def test_nobody_pushes_harder_than_a_person():
+def test_a_command_is_weakened_to_what_gravity_leaves_of_the_limits():
+    strongest, rng = wam_description().of_joints("peak_torque"), np.random.default_rng(1)
+    for q in rng.uniform(-1.5, 1.5, (20, 7)):
+        wrench, torque = rng.normal(0.0, 80.0, 6), rng.normal(0.0, 5.0, 7)
+        room = np.maximum(0.0, strongest - np.abs(MODEL.gravity_torque(q)))
+        share = min(1.0, (room / np.abs(torque + MODEL.jacobian(q).T @ wrench)).min())
+        limited = SafetyModule(replace(LIMITS, torque_share=1.0)).limited(
+            Command(5, wrench, torque), q
+        )
+        np.testing.assert_allclose(limited.wrench, share * wrench, rtol=1e-9)
+        np.testing.assert_allclose(limited.joint_torque, share * torque, rtol=1e-9)
+
+
+def test_a_push_is_no_stronger_than_a_person():
     check_push(Command(0, np.array([150.0, 0, 0, 0, 0, 5.0])), LIMITS)
     for wrench, torque in (
         ([1e9, 0, 0, 0, 0, 0], 0.0),
         ([0, 0, 0, 0, 300.0, 0], 0.0),
         ([0, 0, 0, 0, 0, 0], 600.0),
     ):
-        with pytest.raises(ValueError, match="nobody pushes with"):
+        with pytest.raises(ValueError, match="no person pushes with"):
             check_push(
                 Command(0, np.array(wrench, float), np.array([torque, 0, 0, 0, 0, 0, 0])), LIMITS
             )
@@ -155,3 +169,21 @@ def test_nobody_pushes_harder_than_a_person():
 def test_limits_that_limit_nothing_are_refused_by_name(name, value, says):
     with pytest.raises(ValueError, match=says):
         replace(LIMITS, **{name: value})
+
+
+def test_compiled_and_interpreted_levels_say_the_same(monkeypatch):
+    compiled = SafetyModule(LIMITS)
+    plain = interpreted("dart_skill.arm._joint_checks").Levels
+    monkeypatch.setattr("dart_skill.arm._safety.Levels", plain)
+    other, rng = SafetyModule(LIMITS), np.random.default_rng(2)
+    for q in rng.uniform(-1.5, 1.5, (20, 7)):
+        command = Command(5, rng.normal(0.0, 40.0, 6), rng.normal(0.0, 5.0, 7))
+        limited = [module.limited(command, q).joint_torque for module in (compiled, other)]
+        np.testing.assert_array_equal(*limited)
+        for module in (compiled, other):
+            module.reset()
+        first, second = (
+            (module.look(q, 0.3 * q, 9.0 * q, Speed.CAREFUL), module.warning)
+            for module in (compiled, other)
+        )
+        assert first == second

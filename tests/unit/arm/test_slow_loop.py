@@ -5,10 +5,8 @@ on such an arm.
 import numpy as np
 import pytest
 
-from dart_skill.arm import CommanderSettings, Mode, wam_description
-from dart_skill.arm._impedance import JointServo
+from dart_skill.arm import CommanderSettings, JointServo, Mode, wam_description
 from dart_skill.common.configuration import load_yaml
-from dart_skill.simulation._transmission import DAMPING_RATIO
 from tests.unit.arm.test_commander import begin, finish  # noqa: F401
 
 REFLECTED = np.diag(wam_description().motors.reflected_inertia)
@@ -19,6 +17,8 @@ LINKS = np.array(
 """Smallest and largest inertia of the link side that a joint has in throws [kg m^2]."""
 LEAST_FRICTION = 0.7 * np.array([1.5, 0.9, 0.5, 0.25, 0.016, 0.1, 0.0027])
 PERIOD, FILTER = 0.002, 180.0
+DAMPING_RATIO = 0.05
+"""Damping of a cable of the simulated transmission, in parts of the critical one."""
 REAL = dict(
     joint_stiffness=tuple(STIFFNESS), speed_filter=FILTER, encoder_step=9.6e-6, command_delay=1
 )

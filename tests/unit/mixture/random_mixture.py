@@ -13,3 +13,20 @@ def random_mixture(rng, n_components=3, n_dims=3):
     return GaussianMixture.from_parameters(
         priors, 2.0 * rng.normal(size=(n_components, n_dims)), covariances
     )
+
+
+def whole(mixture):
+    """The Gaussian with the mean and covariance of the whole mixture."""
+    return mixture.merge(np.arange(len(mixture.priors_))).components[0]
+
+
+def given_values(mixture, dims, values):
+    """The mixture of the other dimensions, in ascending order, given x[dims] = values: each
+    component by itself, and Bayes' rule.
+    """
+    shares = mixture.marginal(dims).responsibilities(np.atleast_2d(values))[0]
+    parts = [one.condition(dims, values) for one in mixture.components]
+    kept = np.flatnonzero(shares)
+    return GaussianMixture.from_parameters(
+        shares[kept], [parts[k].mean for k in kept], [parts[k].covariance for k in kept]
+    )

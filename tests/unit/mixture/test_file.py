@@ -37,14 +37,6 @@ def test_a_mixture_comes_back_to_the_last_bit(mixture, saved):
     )
 
 
-def test_a_flat_mixture_can_be_saved_too(mixture, tmp_path):
-    mapped = mixture.linear_map(np.ones((4, 3)))
-    mapped.save(tmp_path / "flat.npz")
-    np.testing.assert_array_equal(
-        GaussianMixture.load(tmp_path / "flat.npz").covariances_, mapped.covariances_
-    )
-
-
 def test_a_file_that_exists_is_not_overwritten(mixture, saved):
     before = saved.read_bytes()
     with pytest.raises(FileExistsError):
@@ -67,9 +59,7 @@ def test_a_missing_file_is_missing(tmp_path):
 def test_a_truncated_file_is_refused_by_name(saved, share):
     content = saved.read_bytes()
     saved.write_bytes(content[: int(share * len(content))])
-    with pytest.raises(
-        ValueError, match="mixture.npz is not a mixture saved by dart_skill, or damaged"
-    ):
+    with pytest.raises(ValueError, match="mixture.npz holds no GaussianMixture that can be read"):
         GaussianMixture.load(saved)
 
 
@@ -78,7 +68,7 @@ def test_flipped_bytes_are_noticed(saved):
     middle = content.find(b"means.npy") + 200
     content[middle] ^= 0xFF
     saved.write_bytes(content)
-    with pytest.raises(ValueError, match="damaged"):
+    with pytest.raises(ValueError, match="can be read"):
         GaussianMixture.load(saved)
 
 
@@ -94,21 +84,22 @@ def test_flipped_bytes_are_noticed(saved):
 def test_a_foreign_file_is_refused(tmp_path, content):
     path = tmp_path / "foreign.npz"
     path.write_bytes(content)
-    with pytest.raises(ValueError, match="foreign.npz is not a mixture"):
+    with pytest.raises(ValueError, match="foreign.npz holds no GaussianMixture"):
         GaussianMixture.load(path)
 
 
 def test_a_plain_array_and_a_directory_are_refused(tmp_path):
     np.save(tmp_path / "array.npy", np.eye(3))
-    for path in (tmp_path / "array.npy", tmp_path):
-        with pytest.raises(ValueError, match="is not a mixture"):
-            GaussianMixture.load(path)
+    with pytest.raises(ValueError, match="holds no GaussianMixture"):
+        GaussianMixture.load(tmp_path / "array.npy")
+    with pytest.raises(OSError, match="is a folder"):
+        GaussianMixture.load(tmp_path)
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"format": np.array("dart_skill mixture 99")}, "format"),
+        ({"format": np.array("dart_skill GaussianMixture 99")}, "version 99"),
         ({"format": None}, "format"),
         ({"means": None}, "means"),
         ({"priors": np.array([0.5, 0.5, 0.5])}, "sum to one"),
@@ -117,10 +108,10 @@ def test_a_plain_array_and_a_directory_are_refused(tmp_path):
         ({"means": np.zeros((3, 2))}, "shape"),
         ({"covariances": np.zeros((3, 3))}, "dimension|shape"),
         ({"covariances": -np.stack([np.eye(3)] * 3)}, "variance -1"),
-        ({"priors": np.array([{"a": 1}], dtype=object)}, "allow_pickle|Object arrays"),
+        ({"priors": np.array([{"a": 1}], dtype=object)}, "priors.npy says that it has the shape"),
     ],
 )
 def test_parameters_that_are_no_mixture_are_refused(saved, changes, message):
     rewrite(saved, **changes)
-    with pytest.raises(ValueError, match=f"(?s)is not a mixture.*({message})"):
+    with pytest.raises(ValueError, match=f"(?s)holds no GaussianMixture.*({message})"):
         GaussianMixture.load(saved)

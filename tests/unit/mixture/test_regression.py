@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dart_skill.mixture import Gaussian, GaussianMixture, Regression, regress
-from tests.unit.mixture.random_mixture import random_mixture
+from tests.unit.mixture.random_mixture import given_values, random_mixture, whole
 
 
 @given(seed=st.integers(0, 10_000), query=st.floats(-6, 6))
@@ -64,7 +64,7 @@ def test_whichever_way_the_spread_is_summed_it_is_that_of_the_conditional_mixtur
         rng.normal(0.0, 3.0, size=(5, n_inputs)),
     )
     dims = rng.permutation(n_inputs + n_outputs)
-    # `condition` leaves the others in ascending order
+    # `given_values` leaves the others in ascending order
     into, out = (
         dims[:n_inputs],
         np.sort(dims[n_inputs:]),
@@ -73,7 +73,7 @@ def test_whichever_way_the_spread_is_summed_it_is_that_of_the_conditional_mixtur
     mean, covariance = regression(queries)
     np.testing.assert_array_equal(regression.mean(queries), mean)
     for i, query in enumerate(queries):
-        wanted = mixture.condition(into, query).collapse()
+        wanted = whole(given_values(mixture, into, query))
         np.testing.assert_allclose(mean[i], wanted.mean, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(covariance[i], wanted.covariance, rtol=1e-9, atol=1e-9)
 
@@ -107,7 +107,7 @@ def test_components_that_are_narrow_and_far_apart_lose_no_digits():
     alone = covariances[[0, 2], 1:, 1:] - variance * slopes[[0, 2], :, None] * slopes[[0, 2], None]
     np.testing.assert_allclose(covariance[[0, 2]], alone, atol=1e-9)
     assert np.linalg.norm(covariance[1]) > 1e5
-    wanted = mixture.condition([0], 0.5).collapse().covariance
+    wanted = whole(given_values(mixture, [0], 0.5)).covariance
     np.testing.assert_allclose(covariance[1], wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
 
 

@@ -11,9 +11,9 @@ from dart_skill.movement import (
     PhaseRule,
     TaskFrame,
     attractor_from_motion,
+    lift,
     smooth_derivatives,
 )
-from dart_skill.movement._autonomous import lift
 
 WORLD = [TaskFrame(np.eye(3), np.zeros(3))]
 STAMPS = np.linspace(-0.3, 1.3, 161)

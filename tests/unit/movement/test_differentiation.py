@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.interpolate import BarycentricInterpolator
 from scipy.spatial.transform import Rotation
 
 from dart_skill.movement import estimate_noise, smooth_derivatives
-from dart_skill.movement._differentiation import _shared_smoother
 from tests.unit.movement.primitives import rms
 
 NOISE = 1e-4
+BEST_PENALTY = "dart_skill.movement._differentiation._best_penalty"
 
 
 def throw(time):
@@ -79,8 +80,6 @@ def test_pure_noise_around_rest_shrinks_as_a_quadratic_fit_predicts():
 
 def test_position_error_is_near_the_best_of_all_penalties(monkeypatch):
     """The chosen penalty costs at most 15 % over the one that an oracle would choose, on average."""
-    from dart_skill.movement import _differentiation as differentiation
-
     chosen, oracle = [], []
     for seed in range(10):
         time, samples = noisy_throw(seed)
@@ -89,32 +88,10 @@ def test_position_error_is_near_the_best_of_all_penalties(monkeypatch):
         errors = []
         for log_penalty in np.arange(-6, 10, 0.5):
             with monkeypatch.context() as patch:
-                patch.setattr(differentiation, "_best_penalty", lambda _, p=10.0**log_penalty: p)
+                patch.setattr(BEST_PENALTY, lambda _, p=10.0**log_penalty: p)
                 errors.append(rms(smooth_derivatives(time, samples, noise=NOISE).position - truth))
         oracle.append(min(errors))
     assert np.mean(chosen) < 1.15 * np.mean(oracle), (np.mean(chosen), np.mean(oracle))
-
-
-def test_the_scatter_of_the_fit_is_that_of_a_linear_smoother():
-    """For a fixed penalty the fit is S x, so its scatter is sigma sqrt(diag S S'): S from unit
-    impulses.
-    """
-    from dart_skill.movement._differentiation import _QuinticBasis
-
-    n, penalty = 60, 300.0
-    stamps = np.arange(float(n))
-    basis = _QuinticBasis(stamps)
-    noise = np.random.default_rng(0).normal(0, NOISE, (n, 4000))
-    for order in range(3):
-        smoother, fitted = (
-            basis.evaluate(
-                basis.fit(basis.sums(samples), np.full(samples.shape[1], penalty)), stamps, order
-            )
-            for samples in (np.eye(n), noise)
-        )
-        scatter = fitted.std(axis=1)
-        expected = NOISE * np.sqrt(np.einsum("ij,ij->i", smoother, smoother))
-        np.testing.assert_allclose(scatter, expected, rtol=0.06, err_msg=f"order {order}")
 
 
 def test_derivatives_of_a_noisy_throw_beat_finite_differences_by_far():
@@ -213,19 +190,29 @@ def test_unusable_recordings_are_refused(time, samples, options, message):
         smooth_derivatives(time, samples, **options)
 
 
-def test_what_was_smoothed_before_changes_nothing():
-    """Series that are sampled alike share their spline, though the rounding of their clocks
-    differs.
-    """
-    rng = np.random.default_rng(7)
-    samples = np.cumsum(rng.standard_normal((120, 3)), axis=0)
-    clocks = [0.01 * np.arange(120) + start for start in (0.0, 777.7)]
-    gap = clocks[0] + 0.05 * (np.arange(120) > 60)
-    _shared_smoother.cache_clear()
-    alone = smooth_derivatives(clocks[1], samples, noise=0.1)
-    _shared_smoother.cache_clear()
-    smooth_derivatives(clocks[0], samples, noise=0.1)
-    np.testing.assert_array_equal(smooth_derivatives(clocks[1], samples, noise=0.1), alone)
-    assert _shared_smoother.cache_info().hits == 1
-    smooth_derivatives(gap, samples, noise=0.1)
-    assert _shared_smoother.cache_info().hits == 1
+@pytest.fixture
+def stamps():
+    return np.cumsum(np.random.default_rng(0).uniform(0.005, 0.015, 40))
+
+
+def test_a_polynomial_of_degree_5_has_no_noise(stamps):
+    samples = np.stack([((stamps - 0.2) * 5.0) ** k for k in range(6)], axis=1)
+    assert estimate_noise(stamps, samples) < 1e-12
+
+
+def test_the_noise_is_the_median_contrast_by_the_barycentric_formula(stamps):
+    samples = np.random.default_rng(1).standard_normal((40, 2))
+    contrasts = []
+    for first in range(34):
+        weights = BarycentricInterpolator(stamps[first : first + 7]).wi
+        contrasts.append(np.abs(weights @ samples[first : first + 7]) / np.linalg.norm(weights))
+    assert estimate_noise(stamps, samples) == pytest.approx(np.median(contrasts) / 0.67449, 1e-5)
+
+
+def test_noise_is_told_of_all_columns_together_or_of_each(stamps):
+    samples = np.random.default_rng(2).standard_normal((40, 3)) * [1.0, 5.0, 0.1]
+    each = estimate_noise(stamps, samples, apart=True)
+    np.testing.assert_array_equal(
+        each, [estimate_noise(stamps, samples[:, k : k + 1]) for k in range(3)]
+    )
+    assert each[2] < estimate_noise(stamps, samples) < each[1]

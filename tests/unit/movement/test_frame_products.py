@@ -38,10 +38,7 @@ def products_of(means, covariances, situation, n_shared=0):
     )
     found = [
         mixture.product(
-            [
-                TaskFrame(*frame) if there else None
-                for *frame, there in zip(*moment, strict=True)
-            ]
+            [TaskFrame(*frame) if there else None for *frame, there in zip(*moment, strict=True)]
         )
         for moment in zip(*situation, strict=True)
     ]

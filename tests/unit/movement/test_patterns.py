@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from dart_skill.movement import find_patterns, resampled
-from dart_skill.movement._patterns import APART, STRONG, _best_groups, separation, silhouette
+from dart_skill.movement import find_patterns, resampled, warped_distance
 
 S = np.linspace(0.0, 1.0, 80)
 
@@ -35,27 +34,6 @@ def silhouette_one_by_one(distances, labels):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_silhouette_is_that_of_the_definition(seed):
-    rng = np.random.default_rng(seed)
-    points, labels = rng.normal(size=(9, 2)), np.array([0, 1, 2, 0, 1, 2, 0, 1, 0])
-    distances = np.linalg.norm(points[:, None] - points, axis=2)
-    assert silhouette(distances, labels) == pytest.approx(
-        silhouette_one_by_one(distances, labels.tolist()), rel=1e-12
-    )
-    alone = np.array([0, 1, 1, 1, 1, 1, 1, 1, 1])
-    assert silhouette(distances, alone) == pytest.approx(
-        silhouette_one_by_one(distances, alone.tolist()), rel=1e-12
-    )
-
-
-def test_the_separation_is_the_gap_in_parts_of_the_widest_group():
-    points = np.array([0.0, 1.0, 5.0, 5.5])
-    distances = np.abs(points[:, None] - points)
-    assert separation(distances, np.array([0, 0, 1, 1])) == pytest.approx(4.0)
-    assert separation(distances, np.arange(4)) == np.inf
-
-
-@pytest.mark.parametrize("seed", range(5))
 def test_two_ways_are_two_patterns_in_the_order_in_which_they_were_shown(seed):
     rng = np.random.default_rng(seed)
     found = find_patterns([arc(height, rng) for height in (0.5, 0.5, -0.5, 0.5, -0.5, -0.5, 0.5)])
@@ -72,18 +50,6 @@ def test_one_way_that_varies_is_one_pattern(seed, count):
     rng = np.random.default_rng([seed, count])
     found = find_patterns([arc(0.5, rng, spread=0.1) for _ in range(count)])
     assert found.in_words == "one pattern" and found.labels.tolist() == [0] * count
-
-
-@pytest.mark.parametrize(("count", "at_most"), [(4, 0.1), (7, 0.04), (10, 0.0)])
-def test_one_pattern_is_seldom_taken_for_several_even_in_one_dimension(count, at_most):
-    """The shares of the module's docstring."""
-    wrong = 0
-    for seed in range(400):
-        points = np.random.default_rng([seed, count, 1]).normal(size=(count, 1))
-        distances = np.abs(points - points.T)
-        labels, found = _best_groups(distances)
-        wrong += found > STRONG and separation(distances, labels) > APART
-    assert wrong <= 400 * at_most
 
 
 def test_neither_pace_nor_number_of_samples_makes_a_pattern():
@@ -128,3 +94,59 @@ def test_resampling_keeps_the_ends_and_straight_lines():
     np.testing.assert_allclose(
         resampled(line, 4), np.outer([0.0, 10 / 3, 20 / 3, 10.0], [1.0, -2.0])
     )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_silhouette_and_separation_are_those_of_the_definition(seed):
+    """Of paths that stay at a point, whose distances are those of the points."""
+    points = np.random.default_rng(seed).normal(size=(9, 2)) + np.repeat(
+        [[0.0], [40.0]], [5, 4], 0
+    )
+    found = find_patterns(points[:, None])
+    distances = np.linalg.norm(points[:, None] - points, axis=2)
+    assert found.labels.tolist() == [0] * 5 + [1] * 4
+    wanted = silhouette_one_by_one(distances, found.labels.tolist())
+    assert found.silhouette == pytest.approx(wanted, rel=1e-12)
+    own = found.labels[:, None] == found.labels
+    assert found.separation == pytest.approx(distances[~own].min() / distances[own].max())
+
+
+@pytest.mark.parametrize(("count", "at_most"), [(4, 0.15), (7, 0.05), (10, 0.0)])
+def test_one_pattern_is_seldom_taken_for_several_even_in_one_dimension(count, at_most):
+    """The shares of the module's docstring."""
+    draws = [
+        np.random.default_rng([seed, count, 1]).normal(size=(count, 1, 1)) for seed in range(100)
+    ]
+    wrong = sum(len(find_patterns(points).groups) > 1 for points in draws)
+    assert wrong <= 100 * at_most
+
+
+def warped_one_by_one(first, second):
+    """Dynamic time warping as it is written in the books."""
+    total = np.full((len(first) + 1, len(second) + 1), np.inf)
+    total[0, 0] = 0.0
+    for i in range(len(first)):
+        for j in range(len(second)):
+            total[i + 1, j + 1] = np.linalg.norm(first[i] - second[j]) + min(
+                total[i, j], total[i, j + 1], total[i + 1, j]
+            )
+    return total[-1, -1]
+
+
+@pytest.mark.parametrize("lengths", [(1, 1), (1, 6), (9, 9), (20, 13)])
+def test_warped_distance_is_that_of_the_definition(lengths):
+    rng = np.random.default_rng(2)
+    first, second = (rng.normal(size=(n, 2)) for n in lengths)
+    distance, pairs = warped_distance(first, second)
+    assert distance == pytest.approx(warped_one_by_one(first, second), rel=1e-12)
+    assert max(lengths) <= pairs <= sum(lengths) - 1
+
+
+def test_another_pace_costs_nothing():
+    path = np.random.default_rng(3).normal(size=(10, 2))
+    assert warped_distance(path, np.repeat(path, 3, axis=0)) == (0.0, 30)
+
+
+def test_other_dimensions_are_refused():
+    with pytest.raises(ValueError, match="second"):
+        warped_distance(np.zeros((3, 2)), np.zeros((3, 4)))

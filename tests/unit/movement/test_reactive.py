@@ -12,9 +12,9 @@ from dart_skill.movement import (
     ReactivePolicy,
     TaskFrame,
     attractor_from_motion,
+    lift,
     start_frame,
 )
-from dart_skill.movement._autonomous import lift
 
 STIFFNESS, STEP = 100.0, 0.005
 CLOCK = np.arange(0.0, 2.0, 0.01)

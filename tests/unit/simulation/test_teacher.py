@@ -11,7 +11,6 @@ from dart_skill.arm import ArmModel, ArmState, Command, Grip
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.flight import landing
 from dart_skill.simulation import Person, Phase, Plant, PlantSettings, Swing, Teacher
-from dart_skill.simulation._teacher import Quintic
 
 READY = np.array([0.0, -0.90, 0.0, -0.75, 0.0, -0.35, 0.0])
 TARGET = np.array([1.9, 0.5, 0.4])
@@ -222,7 +221,7 @@ def test_a_teacher_without_a_throw_in_mind_says_so():
 def test_a_landing_that_nobody_saw_teaches_nothing():
     teacher = Teacher()
     teacher.begin(TARGET, at())
-    with pytest.raises(ValueError, match="nobody saw where the ball landed"):
+    with pytest.raises(ValueError, match="no landing of the ball was seen"):
         teacher.learn_from(np.full(3, np.nan))
 
 
@@ -251,29 +250,3 @@ def test_a_basket_on_the_base_of_the_arm_is_refused(target):
     """What a miss there says of the next aim is not a number."""
     with pytest.raises(ValueError, match="stands on the base of the arm"):
         Teacher().check(np.array(target))
-
-
-@pytest.fixture
-def ends():
-    return [*np.random.default_rng(0).normal(size=(4, 7)), 0.7]
-
-
-def test_a_quintic_has_its_ends_and_no_acceleration_there(ends):
-    start, start_rate, end, end_rate, duration = ends
-    quintic, step = Quintic(*ends), 1e-5
-    for time, place, rate in ((0.0, start, start_rate), (duration, end, end_rate)):
-        position, velocity = quintic.at(time)
-        np.testing.assert_allclose(position, place, atol=1e-12)
-        np.testing.assert_allclose(velocity, rate, atol=1e-12)
-        np.testing.assert_allclose(
-            (quintic.at(time + step)[1] - quintic.at(time - step)[1]) / (2.0 * step),
-            np.zeros(7),
-            atol=1e-5,
-        )
-
-
-def test_the_velocity_of_a_quintic_is_the_derivative_of_its_position(ends):
-    quintic, step = Quintic(*ends), 1e-6
-    for time in np.linspace(0.05, 0.65, 7):
-        slope = (quintic.at(time + step)[0] - quintic.at(time - step)[0]) / (2.0 * step)
-        np.testing.assert_allclose(quintic.at(time)[1], slope, rtol=1e-6, atol=1e-6)

@@ -353,7 +353,7 @@ WRONG = {
     "stiffness must be one number, or two": lambda: PoseDSGMR(2, [1.0, 2.0, 3.0]),
     "stiffness must be positive": lambda: PoseDSGMR(2, -1.0),
     "partition must be one of": lambda: PoseDSGMR(2, partition="space"),
-    "attractors of demonstration 0 must have 8 columns": lambda: PoseDSGMR(2).fit(
+    "samples have no number before the pose": lambda: PoseDSGMR(2).fit(
         [POSES], [[FRAME]]
     ),
     "holds no model yet": lambda: PoseDSGMR(2).retrieve([FRAME], TIME),

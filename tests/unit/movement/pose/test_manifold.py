@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.common.quaternions import from_vectors, product, to_vectors
+from dart_skill.common.quaternions import product
 from dart_skill.movement.pose import (
     angles_between,
     exponential,
@@ -14,7 +14,6 @@ from dart_skill.movement.pose import (
     mean_point,
     parallel_transport,
 )
-from dart_skill.movement.pose._derivatives import bend, inverse_jacobians
 from tests.unit.movement.pose.random_poses import apart, flipped, near, orientations, turned
 
 
@@ -158,29 +157,6 @@ def test_mean_turns_with_the_points(rng):
     assert apart(mean_point(turned(cloud, rotation)), turned(mean_point(cloud), rotation)) < 1e-12
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-6, 0.9e-4, 1.1e-4, 0.5, 3.0, np.pi, 5.0])
-def test_jacobian_is_the_derivative_of_the_rotation_vector(angle):
-    vector, step = angle * np.array([2.0, -1.0, 2.0]) / 3.0, 1e-6
-    moved = [
-        Rotation.from_rotvec(sign * step * axis) * Rotation.from_rotvec(vector)
-        for axis in np.eye(3)
-        for sign in (1.0, -1.0)
-    ]
-    rows = np.array([one.as_rotvec() for one in moved])
-    # scipy gives the shorter turn; beyond half a turn it is compared as the longer one.
-    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
-    other = rows - 2.0 * np.pi * rows / np.maximum(lengths, 1e-300)
-    rows = np.where(
-        np.linalg.norm(other - vector, axis=1, keepdims=True)
-        < np.linalg.norm(rows - vector, axis=1, keepdims=True),
-        other,
-        rows,
-    )
-    np.testing.assert_allclose(
-        inverse_jacobians(vector), ((rows[::2] - rows[1::2]) / (2.0 * step)).T, atol=3e-9
-    )
-
-
 def test_angles_between_orientations(points):
     wanted = (
         Rotation.from_quat(points[:150, 3:]) * Rotation.from_quat(points[150:, 3:]).inv()
@@ -211,20 +187,3 @@ WRONG = {
 def test_what_is_wrong_is_named(message):
     with pytest.raises(ValueError, match=message):
         WRONG[message]()
-
-
-@pytest.mark.parametrize("angle", [0.0, 0.01, 0.049, 0.051, 1.0, 3.0])
-def test_bend_is_the_derivative_of_the_jacobian(angle):
-    vector, covector, step = (
-        angle * np.array([2.0, -1.0, 2.0]) / 3.0,
-        np.array([0.3, 1.0, -0.7]),
-        1e-5,
-    )
-    sides = [
-        to_vectors(product(from_vectors(sign * step * axis), from_vectors(vector)))
-        for axis in np.eye(3)
-        for sign in (1.0, -1.0)
-    ]
-    rows = covector @ inverse_jacobians(np.array(sides))
-    wanted = (rows[::2] - rows[1::2]) / (2.0 * step)
-    np.testing.assert_allclose(bend(vector, covector), 0.5 * (wanted + wanted.T), atol=1e-8)

@@ -17,7 +17,6 @@ from dart_skill.movement.pose import (
     exponential,
     logarithm,
 )
-from dart_skill.movement.pose._chart import path_about, turning
 from tests.unit.movement.pose.random_poses import apart, blocks, flipped, orientations, turned
 
 TIME = np.linspace(0.0, 2.0, 201)
@@ -58,48 +57,23 @@ def stirring(rng, period=1.0, swing=1.2):
     )
 
 
+def coordinates(poses, base):
+    """Position and rotation vector (n, 6) from a base; the vectors go on over half a turn, and
+    those of the base itself are shortest.
+    """
+    vectors = (Rotation.from_quat(poses[:, 3:]) * Rotation.from_quat(base).inv()).as_rotvec()
+    for k in range(len(vectors) - 2, -1, -1):
+        length = np.linalg.norm(vectors[k]) or 1.0
+        turns = np.round((length - vectors[k + 1] @ vectors[k] / length) / (2.0 * np.pi))
+        vectors[k] *= 1.0 - 2.0 * np.pi * turns / length
+    return np.column_stack([poses[:, :3], vectors])
+
+
 def stepped(primitive, state, n, dt=0.01, **wishes):
     states = [state]
     for _ in range(n):
         states.append(primitive.step(states[-1], dt, **wishes))
     return states
-
-
-# --- coordinates ---
-
-
-@pytest.mark.parametrize("angle", [1e-9, 0.05, 0.0999, 0.1001, 1.0, 3.1, 4.0, 5.5])
-def test_angular_velocity_and_acceleration_are_derivatives(angle, rng):
-    start, first, second = (
-        angle * np.array([2.0, -1.0, 2.0]) / 3.0,
-        rng.normal(size=3),
-        rng.normal(size=3),
-    )
-
-    def at(t):
-        return Rotation.from_rotvec(start + first * t + 0.5 * second * t * t)
-
-    quaternion, rate, change = turning(start, first, second)
-    assert apart(quaternion, at(0.0).as_quat()) < 1e-14
-    h = 1e-4
-    np.testing.assert_allclose(rate, (at(h) * at(-h).inv()).as_rotvec() / (2 * h), atol=1e-7)
-    np.testing.assert_allclose(
-        change,
-        ((at(h) * at(0).inv()).as_rotvec() + (at(-h) * at(0).inv()).as_rotvec()) / h**2,
-        atol=2e-6,
-    )
-
-
-@pytest.mark.parametrize("degrees", [20.0, 180.0, 181.0, 300.0])
-def test_coordinates_of_a_path_have_no_jump_at_half_a_turn(degrees, rng):
-    poses = flipped(turn_by(degrees, rng), rng)
-    vectors = path_about(poses[:, 3:], poses[-1, 3:], last=True)
-    assert np.abs(np.diff(vectors, axis=0)).max() < 0.1
-    assert np.degrees(np.linalg.norm(vectors[0])) == pytest.approx(degrees, rel=1e-6)
-    assert (
-        apart((Rotation.from_rotvec(vectors) * Rotation.from_quat(poses[-1, 3:])).as_quat(), poses)
-        < 1e-13
-    )
 
 
 # --- discrete ---
@@ -117,7 +91,7 @@ def test_a_demonstration_comes_back_through_half_a_turn(degrees, rng):
 
 def test_it_is_the_linear_primitive_in_rotation_vectors_from_the_goal(rng):
     poses = turn_by(250.0, rng)
-    flat = np.column_stack([poses[:, :3], path_about(poses[:, 3:], poses[-1, 3:], last=True)])
+    flat = coordinates(poses, poses[-1, 3:])
     linear, curved = (
         DiscretePrimitive(30).fit(TIME, flat),
         DiscretePosePrimitive(30).fit(TIME, poses),
@@ -402,9 +376,7 @@ def test_a_cycle_comes_back_and_its_period_is_found(rng):
 def test_it_is_the_linear_primitive_in_rotation_vectors_from_the_baseline(rng):
     poses = stirring(rng)
     primitive = RhythmicPosePrimitive(30).fit(CIRCLES, poses, period=1.0)
-    flat = np.column_stack(
-        [poses[:, :3], path_about(poses[:, 3:], primitive.baseline_[3:], last=False)]
-    )
+    flat = coordinates(poses, primitive.baseline_[3:])
     linear = RhythmicPrimitive(30).fit(CIRCLES, flat, period=1.0)
     np.testing.assert_allclose(linear.baseline_[3:], 0.0, atol=1e-9)
     np.testing.assert_allclose(primitive.weights_, linear.weights_, atol=1e-6)
@@ -510,8 +482,10 @@ WRONG = {
     "state must be a PoseState": lambda: FITTED.step(3, 0.01),
     "parameters must have length 60": lambda: FITTED.with_parameters(np.zeros(3)),
     "does not repeat": lambda: RhythmicPosePrimitive().fit(TIME, POSES),
-    "amplitude must be one number or one per dimension": lambda: RhythmicPosePrimitive._amplitude(
-        np.ones(9)
+    "amplitude must be one number or one per dimension": lambda: (
+        RhythmicPosePrimitive(10)
+        .fit(CIRCLES, stirring(np.random.default_rng(0)))
+        .begin(amplitude=np.ones(9))
     ),
 }
 

@@ -7,7 +7,6 @@ from scipy.spatial.transform import Rotation
 from dart_skill.movement import TaskFrame, TaskParameterisedMixture
 from dart_skill.movement.pose import (
     PoseFrame,
-    PoseMixture,
     TaskParameterisedPoseMixture,
     exponential,
     logarithm,
@@ -126,20 +125,6 @@ def test_with_tiny_spread_all_is_as_in_the_euclidean_mixture(rng):
     )
 
 
-def test_with_one_frame_it_is_the_mixture_of_poses(rng, taught):
-    samples, _ = taught
-    alone = PoseMixture(5).fit(np.concatenate(samples))
-    framed = TaskParameterisedPoseMixture(5, correlated=True).fit(
-        samples, [[PoseFrame(np.zeros(3))]] * 5
-    )
-    assert apart(framed.means_[0], alone.means_) < 1e-10
-    np.testing.assert_allclose(framed.covariances_[0], alone.covariances_, atol=1e-10)
-    assert framed.n_parameters == alone.n_parameters
-    assert framed.bic(samples, [[PoseFrame(np.zeros(3))]] * 5) == pytest.approx(
-        alone.bic(np.concatenate(samples))
-    )
-
-
 @pytest.mark.parametrize("partition", ["fit", "fit_in_time"])
 def test_turning_a_demonstration_with_its_frames_changes_nothing(rng, taught, partition):
     samples, frames = taught
@@ -244,8 +229,25 @@ def test_k_means_needs_no_time(rng, taught):
     assert sum(len(one) for one in mixture.responsibilities(without, frames)) == 300
 
 
+def test_the_likelihood_rises_and_the_bic_counts_weights(rng, taught):
+    samples, frames = taught
+    runs = [
+        TaskParameterisedPoseMixture(3, tolerance=0.0, max_iterations=n).fit(samples, frames)
+        for n in (1, 2, 4, 8, 16)
+    ]
+    assert np.diff([run.log_likelihood_ for run in runs]).min() > 0
+    weighted = runs[2].bic(samples, frames, [2.0, 1.0, 1.0, 1.0, 1.0])
+    assert weighted == pytest.approx(runs[2].bic([*samples, samples[0]], [*frames, frames[0]]))
+
+
 ROWS = np.column_stack([np.linspace(0.0, 1.0, 20), np.tile(POSE, (20, 1))])
 WORLD = PoseFrame(np.zeros(3))
+
+
+def spoilt(row, column, value=np.nan):
+    rows = ROWS.copy()
+    rows[row, column] = value
+    return rows
 
 
 def fit(samples=(ROWS, ROWS), frames=((WORLD,), (WORLD,)), weights=None, **options):
@@ -253,6 +255,13 @@ def fit(samples=(ROWS, ROWS), frames=((WORLD,), (WORLD,)), weights=None, **optio
 
 
 WRONG = {
+    r"samples of demonstration 1 holds nan at index \(3, 2\)": lambda: fit((ROWS, spoilt(3, 2))),
+    r"samples of demonstration 1: the quaternion at index \(3,\)": lambda: fit(
+        (ROWS, spoilt(3, -1, 5.0))
+    ),
+    "41 components need at least as many samples": lambda: TaskParameterisedPoseMixture(41).fit(
+        [ROWS, ROWS], [[WORLD], [WORLD]]
+    ),
     "position holds nan": lambda: PoseFrame([0.0, np.nan, 0.0]),
     "orientation: the quaternion has length 0": lambda: PoseFrame(np.zeros(3), np.zeros(4)),
     "one list of frames per demonstration": lambda: fit(frames=((WORLD,),)),
