@@ -6,11 +6,8 @@ from dart_skill.arm._command import HeldCommand as HeldCommand
 from dart_skill.arm._command import Speed as Speed
 from dart_skill.arm._command import all_finite as all_finite
 from dart_skill.arm._command import check_command as check_command
-from dart_skill.arm._commander import STRETCHED as STRETCHED
 from dart_skill.arm._commander import Commander as Commander
-from dart_skill.arm._commander import CommanderSettings as CommanderSettings
 from dart_skill.arm._commander import Mode as Mode
-from dart_skill.arm._commander import PlanRefused as PlanRefused
 from dart_skill.arm._description import DART as DART
 from dart_skill.arm._description import HeldBall as HeldBall
 from dart_skill.arm._description import WamDescription as WamDescription
@@ -47,6 +44,9 @@ from dart_skill.arm._motion_plan import GripEvent as GripEvent
 from dart_skill.arm._motion_plan import HandPath as HandPath
 from dart_skill.arm._motion_plan import MotionPlan as MotionPlan
 from dart_skill.arm._motion_plan import Pace as Pace
+from dart_skill.arm._plan_checks import STRETCHED as STRETCHED
+from dart_skill.arm._plan_checks import CommanderSettings as CommanderSettings
+from dart_skill.arm._plan_checks import PlanRefused as PlanRefused
 from dart_skill.arm._registration import KnownRegistration as KnownRegistration
 from dart_skill.arm._registration import Registration as Registration
 from dart_skill.arm._registration import load_registration as load_registration

@@ -7,6 +7,7 @@ from dart_skill.mixture._estimator import GaussianMixtureEstimator, GaussianMixt
 from dart_skill.mixture._expectation_maximisation import (
     Parameters,
     column_scales,
+    expectation,
     expectation_at,
     in_units,
     masses_of,
@@ -43,7 +44,7 @@ from dart_skill.mixture._selection import (
 from dart_skill.mixture._spectroscopy import Spectroscopy, automatic_bandwidth, data_spectroscopy
 from dart_skill.mixture._split_merge import Adapted, SplitMerge, adapt, split, split_and_merge
 from dart_skill.mixture._start import kmeans_start, sliced_start
-from dart_skill.mixture._sweep import DEAD_SHARE
+from dart_skill.mixture._sweep import DEAD_SHARE, Sweep
 
 __all__ = [
     "Adapted",
@@ -65,6 +66,8 @@ __all__ = [
     "cholesky",
     "column_scales",
     "data_spectroscopy",
+    "Sweep",
+    "expectation",
     "expectation_at",
     "in_units",
     "kmeans_start",

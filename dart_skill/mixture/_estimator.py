@@ -67,6 +67,7 @@ class _Estimator(HyperParameters):
         self.mixture_ = mixture.fit(
             as_learnable(samples, "X"), weights, rng=_generator(self.random_state)
         )
+        self.converged_, self.n_iter_ = mixture.converged_, mixture.n_iterations_
 
     def _remember_columns(self, X: Any, table: np.ndarray) -> None:
         names = _names(X)
@@ -103,22 +104,6 @@ class _Estimator(HyperParameters):
             # Code that catches scikit-learn's own error has loaded it, and it is a ValueError, too.
             kind = getattr(sys.modules.get("sklearn.exceptions"), "NotFittedError", ValueError)
             raise kind(f"this {type(self).__name__} is not fitted yet; call fit first")
-
-    @property
-    def converged_(self) -> bool:
-        """Whether EM converged before max_iter."""
-        return self._of_fit.converged_
-
-    @property
-    def n_iter_(self) -> int:
-        """How many iterations EM made."""
-        return self._of_fit.n_iterations_
-
-    @property
-    def _of_fit(self) -> GaussianMixture:
-        if not hasattr(self, "mixture_"):  # so that hasattr(self, "converged_") is False
-            raise AttributeError(f"this {type(self).__name__} is not fitted yet; call fit first")
-        return self.mixture_
 
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "mixture_")
@@ -213,6 +198,9 @@ class GaussianMixtureEstimator(_Estimator):
         table = _as_table(X, "X")
         self._fit_mixture(table, sample_weight)
         self._remember_columns(X, table)
+        mixture = self.mixture_
+        self.weights_, self.means_ = mixture.priors_, mixture.means_
+        self.covariances_ = mixture.covariances_
         self.lower_bound_ = self.mixture_.log_likelihood_ / float(
             as_weights(sample_weight, len(table), "sample_weight").sum()
         )
@@ -229,21 +217,6 @@ class GaussianMixtureEstimator(_Estimator):
             As of `fit`.
         """
         return self.fit(X, y, sample_weight).predict(X)
-
-    @property
-    def weights_(self) -> np.ndarray:
-        """(K,): the priors of the mixture."""
-        return self._of_fit.priors_
-
-    @property
-    def means_(self) -> np.ndarray:
-        """(K, d)."""
-        return self._of_fit.means_
-
-    @property
-    def covariances_(self) -> np.ndarray:
-        """(K, d, d)."""
-        return self._of_fit.covariances_
 
     def score_samples(self, X: ArrayLike) -> np.ndarray:
         """Log density (n,) of the samples X (n, d), (3.2)."""

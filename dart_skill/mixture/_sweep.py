@@ -253,7 +253,7 @@ class WhiteBlocks:
         if min(products[..., 0].ravel().tolist()) < self.most_least_mass:
             origin, products = self._with_count(origin, products)
         components = Components.of_sums(products, self.white.shape[1] - 1)
-        if components is not None and self._are_above_floor(components):
+        if components is not None and self.are_above_floor(components):
             return components if origin is None else components.moved(origin)
         if len(products) == 1:
             return self._raised(origin, products)
@@ -301,7 +301,7 @@ class WhiteBlocks:
         means = step if origin is None else step + origin
         return self.to_white(means @ root[:, 0].swapaxes(-1, -2) + self.centre, raised)
 
-    def _are_above_floor(self, components: Components) -> bool:
+    def are_above_floor(self, components: Components) -> bool:
         """Whether all eigenvalues of the covariances are at least the floor in the units of the
         blocks: those of the precisions are at most the sum of all of them, which nearly always
         settles it, often by a bound of it.
@@ -395,8 +395,8 @@ class Sweep:
     def __call__(self, priors: np.ndarray, components: list[Components]) -> Sums:
         """E step, and the sums of the M step that follows."""
         if self.is_exact_by_products(components):
-            return self._by_products(np.log(priors), components)
-        return self._by_deviations(np.log(priors), components)
+            return self.by_products(np.log(priors), components)
+        return self.by_deviations(np.log(priors), components)
 
     def is_exact_by_products(self, components: list[Components]) -> bool:
         """Whether squares about a common origin lose few enough digits of the log densities of
@@ -440,7 +440,8 @@ class Sweep:
         coefficients[: len(log_priors), 0] = log_priors - top
         return coefficients, top
 
-    def _by_products(self, log_priors: np.ndarray, components: list[Components]) -> Sums:
+    def by_products(self, log_priors: np.ndarray, components: list[Components]) -> Sums:
+        """As of a call, by squares about a common origin."""
         coefficients, top = self._coefficients(log_priors, components)
         n, total, log_density = (
             len(log_priors),
@@ -476,7 +477,8 @@ class Sweep:
         ]
         return Sums(total[:, 0], log_density, [None] * len(self.blocks), sums)
 
-    def _by_deviations(self, log_priors: np.ndarray, components: list[Components]) -> Sums:
+    def by_deviations(self, log_priors: np.ndarray, components: list[Components]) -> Sums:
+        """As of a call, by the deviations from each mean."""
         mass, log_density = np.zeros(len(log_priors)), np.empty(len(self.weights))
         sides = [blocks.white.shape[:2] for blocks in self.blocks]
         squares = [np.zeros((p, len(log_priors), side, side)) for p, side in sides]

@@ -166,7 +166,7 @@ class Primitive(SavableModel):
             [s], for one duration (or period).
         """
         state = self.begin() if state is None else self._as_state(state)
-        stamps = self._as_times(times, state.wanted.duration)
+        stamps = _as_times(times, state.wanted.duration)
         made, pace, change = self._clock(state, stamps - stamps[0], 1.0)
         return Trajectory(stamps, *_timed(pace, change, *self._follow(state, made, None)))
 
@@ -206,28 +206,26 @@ class Primitive(SavableModel):
     ) -> None:
         """Weights from all demonstrations by (7.12), then (7.13) or its joint form."""
         self.n_demonstrations_ = len(demonstrations)
-        executions = list(zip(demonstrations, starts, goals, durations, strict=True))
-        progress = np.concatenate([demo.time / duration for demo, _, _, duration in executions])
-        target = np.concatenate([self._reference(*execution) for execution in executions])
+        progress, targets = [], []
+        for demo, start, goal, duration in zip(
+            demonstrations, starts, goals, durations, strict=True
+        ):
+            position, velocity, acceleration = demo.motion
+            share = demo.time / duration
+            way = self._goal_path(share)[:, None] * (goal - start) - (position - start)
+            # f_ref of (7.12), with A = 1: the drive that the spring-damper needs to move as shown.
+            targets.append(
+                acceleration * duration**2
+                + self._damping * duration * velocity
+                - self.stiffness * way
+            )
+            progress.append(share)
+        instants = np.concatenate(progress)
         weights = np.concatenate([demo.weights for demo in demonstrations])
-        psi = normalised(self._kernels.raw(progress))
+        psi = normalised(self._kernels.raw(instants))
         regress = REGRESSIONS.get(self.regression, regress_jointly)
-        self.weights_ = regress(psi, self._gate(progress), target, weights, self._kernels)
-
-    def _reference(
-        self, demonstration: ShownMovement, start: np.ndarray, goal: np.ndarray, duration: float
-    ) -> np.ndarray:
-        """f_ref (n, d) of (7.12), with A = 1: the drive that the spring-damper needs to move as
-        demonstrated.
-        """
-        position, velocity, acceleration = demonstration.motion
-        pull = self._goal_path(demonstration.time / duration)[:, None] * (goal - start) - (
-            position - start
-        )
-        return (
-            acceleration * duration**2
-            + self._damping * duration * velocity
-            - self.stiffness * pull
+        self.weights_ = regress(
+            psi, self._gate(instants), np.concatenate(targets), weights, self._kernels
         )
 
     def _transformation(self, progress: np.ndarray) -> np.ndarray:
@@ -334,7 +332,7 @@ class Primitive(SavableModel):
         wanted = self._as_state(state).wanted
         if goal is None and duration is None and amplitude is None:
             return state
-        goal = self._as_dims(goal, names[0], wanted.goal)
+        goal = as_given(goal, names[0], wanted.goal)
         duration = wanted.duration if duration is None else as_number(duration, names[1])
         amplitude = wanted.amplitude if amplitude is None else self._as_amplitude(amplitude)
         return replace(state, wanted=Execution(wanted.start, goal, amplitude, duration))
@@ -360,16 +358,18 @@ class Primitive(SavableModel):
             )
         return np.broadcast_to(amplitude, self.n_dims)
 
-    def _as_dims(self, value: ArrayLike | None, name: str, default: np.ndarray) -> np.ndarray:
-        return default if value is None else as_vector(value, name, self.n_dims)
 
-    @staticmethod
-    def _as_times(times: ArrayLike, duration: float) -> np.ndarray:
-        """Stamps (n,) as given; for a step [s], stamps from 0 to the duration or just beyond it."""
-        if np.ndim(times) > 0:
-            return as_stamps(times)
-        step = as_number(times, "step")
-        return step * np.arange(int(np.ceil(duration / step - 1e-6)) + 1)
+def as_given(value: ArrayLike | None, name: str, default: np.ndarray) -> np.ndarray:
+    """Numbers as many as the default (d,), which takes their place if there are none."""
+    return default if value is None else as_vector(value, name, len(default))
+
+
+def _as_times(times: ArrayLike, duration: float) -> np.ndarray:
+    """Stamps (n,) as given; for a step [s], stamps from 0 to the duration or just beyond it."""
+    if np.ndim(times) > 0:
+        return as_stamps(times)
+    step = as_number(times, "step")
+    return step * np.arange(int(np.ceil(duration / step - 1e-6)) + 1)
 
 
 def _timed(

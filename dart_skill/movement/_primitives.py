@@ -60,7 +60,13 @@ from dart_skill.movement._forcing import (
     divide,
     integrate,
 )
-from dart_skill.movement._primitive import Execution, Primitive, PrimitiveState, Trajectory
+from dart_skill.movement._primitive import (
+    Execution,
+    Primitive,
+    PrimitiveState,
+    Trajectory,
+    as_given,
+)
 
 # A forcing term without the factor z fades to zero within this share of the duration after the
 # end.
@@ -251,11 +257,11 @@ class DiscretePrimitive(Primitive):
         duration = self.duration_ if duration is None else as_number(duration, "duration")
         amplitude = self._as_amplitude(amplitude)
         start, goal = (
-            self._as_dims(start, "start", self.start_),
-            self._as_dims(goal, "goal", self.goal_),
+            as_given(start, "start", self.start_),
+            as_given(goal, "goal", self.goal_),
         )
         demonstrated = amplitude * self.start_velocity_ * (self.duration_ / duration)
-        velocity = self._as_dims(velocity, "velocity", demonstrated)
+        velocity = as_given(velocity, "velocity", demonstrated)
         return self._begin(Execution(start, goal, amplitude, duration), start, velocity, 0.0)
 
     def step(
@@ -436,8 +442,8 @@ class RhythmicPrimitive(Primitive):
             phase, baseline=baseline, period=period, amplitude=amplitude
         )
         start, velocity = (
-            self._as_dims(start, "start", position),
-            self._as_dims(velocity, "velocity", speed),
+            as_given(start, "start", position),
+            as_given(velocity, "velocity", speed),
         )
         return self._begin(
             self._execution(baseline, period, amplitude), start, velocity, self._wrapped(phase)
@@ -465,7 +471,7 @@ class RhythmicPrimitive(Primitive):
         self, baseline: ArrayLike | None, period: float | None, amplitude: ArrayLike
     ) -> Execution:
         self._fitted()
-        baseline = self._as_dims(baseline, "baseline", self.baseline_)
+        baseline = as_given(baseline, "baseline", self.baseline_)
         return Execution(
             baseline,
             baseline,

@@ -19,8 +19,7 @@ import numpy as np
 
 from dart_skill.arm import ArmModel, Sightings, fit_positions, measure_registration, turn_angles
 from dart_skill.common.constants import N_JOINTS
-from dart_skill.common.quaternions import matrices
-from dart_skill.common.quaternions import of_matrices
+from dart_skill.common.quaternions import matrices, of_matrices
 from dart_skill.recording import BagReader
 from dart_skill.recording.imports import (
     AS_OURS,

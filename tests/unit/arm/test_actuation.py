@@ -119,13 +119,6 @@ def test_shared_motors_are_limited_by_the_speeds_of_both_joints(actuation):
     )
 
 
-def test_joints_with_motors_of_their_own_do_not_feel_each_other(actuation):
-    torque = 0.3 * PEAK
-    still = actuation.deliverable(torque, np.zeros(7))
-    turning = actuation.deliverable(torque, one(0, 10.0) + one(3, -10.0) + one(6, 100.0))
-    np.testing.assert_allclose(turning[[1, 2, 4, 5]], still[[1, 2, 4, 5]], atol=1e-12)
-
-
 def test_shorted_motors_brake(actuation):
     rng = np.random.default_rng(0)
     for velocity in rng.normal(size=(20, 7)):
@@ -142,13 +135,6 @@ def test_a_joint_under_less_than_its_coulomb_torque_stays(actuation, inertia, jo
     own = np.diag(np.diag(inertia))
     velocity = run(actuation, own, one(joint, share * COULOMB[joint]), np.zeros(7), 1.0)
     assert np.abs(velocity).max() < STICTION_SPEED, np.abs(velocity).max(axis=0)
-
-
-def test_the_whole_arm_stays_under_less_than_its_coulomb_torques(actuation, inertia):
-    rng = np.random.default_rng(1)
-    for share in rng.uniform(-0.95, 0.95, (10, 7)):
-        velocity = run(actuation, inertia, share * COULOMB, np.zeros(7), 0.6)
-        assert np.abs(velocity).max() < STICTION_SPEED, np.abs(velocity).max(axis=0)
 
 
 @pytest.mark.parametrize("joint", range(7))
@@ -179,28 +165,6 @@ def test_friction_never_turns_a_motion_round(actuation, inertia):
         velocity = run(actuation, own, np.zeros(7), start, 0.2)
         assert (velocity * np.sign(start) >= 0).all()
         assert (np.diff(np.abs(velocity), axis=0) <= 0).all()
-
-
-def test_friction_only_takes_energy(actuation, inertia):
-    for start in np.random.default_rng(3).normal(0.0, 2.0, (20, 7)):
-        velocity = run(actuation, inertia, np.zeros(7), start, 0.3)
-        energy = 0.5 * np.einsum("ni,ij,nj->n", velocity, inertia, velocity)
-        assert (np.diff(energy) <= 1e-12).all(), np.diff(energy).max()
-
-
-def test_without_friction_acceleration_is_that_of_the_torque(inertia):
-    rng = np.random.default_rng(4)
-    torque, velocity = rng.normal(size=7), rng.normal(size=7)
-    acceleration = Actuation(WAM, friction_scale=0.0).acceleration(inertia, torque, velocity, STEP)
-    np.testing.assert_allclose(
-        acceleration, np.linalg.solve(inertia, torque), rtol=1e-9, atol=1e-9
-    )
-
-
-def test_friction_scale_multiplies_both_kinds():
-    double = Actuation(WAM, friction_scale=2.0)
-    np.testing.assert_allclose(double.coulomb, 2 * COULOMB)
-    np.testing.assert_allclose(double.viscous, 2 * VISCOUS)
 
 
 def test_compiled_and_interpreted_have_the_same_bits():

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 from dart_skill.arm import (
     Actuation,
     ArmModel,
-    ArmState,
     HandState,
     Impedance,
     JointServo,
@@ -66,31 +65,6 @@ def hand_mobility(model, q):
     """
     scaled = np.array([1.0, 1.0, 1.0, 0.18, 0.18, 0.18])[:, None] * model.jacobian(q)
     return np.linalg.eigh(scaled @ np.linalg.solve(model.mass_matrix(q), scaled.T))
-
-
-def test_a_hand_that_is_mobile_in_every_direction_accelerates_exactly_as_commanded_by_default_too(
-    model,
-):
-    impedance, rng, mobile = (
-        Impedance(model, friction_compensation=0.0),
-        np.random.default_rng(2),
-        0,
-    )
-    for q, qd in zip(*bent_postures(), strict=True):
-        if hand_mobility(model, q)[0].min() < 0.08:
-            continue
-        wanted, mobile = rng.normal(0.0, [5.0] * 3 + [10.0] * 3), mobile + 1
-        actual, _ = hand_acceleration(model, q, qd, *impedance.act(q, qd, wanted, q))
-        np.testing.assert_allclose(actual, wanted, atol=1e-8)
-    assert mobile >= 3
-
-
-def test_the_wrench_stays_bounded_where_the_arm_is_stretched(model):
-    """At q = 0 the hand cannot move upwards, and the wrench that asks for it has no bound."""
-    stretched, zero, up = np.full(7, 1e-4), np.zeros(7), np.array([0.0, 0.0, 10.0, 0.0, 0.0, 0.0])
-    bounded, _ = Impedance(model).act(stretched, zero, up, stretched)
-    unbounded, _ = Impedance(model, least_mobility=1e-12).act(stretched, zero, up, stretched)
-    assert np.linalg.norm(bounded[:3]) < 1e4 < np.linalg.norm(unbounded[:3])
 
 
 @pytest.mark.parametrize("bend", [1e-3, 0.02, 0.05, 0.1])
@@ -353,10 +327,6 @@ def test_minimum_jerk_begins_and_ends_at_rest_and_is_its_own_derivative(duration
     np.testing.assert_allclose(
         minimum_jerk(start, end, duration, duration / 2)[1], 1.875 * (end - start) / duration
     )
-
-
-def test_arm_state_is_what_the_sensors_tell():
-    assert set(vars(ArmState(1, np.zeros(7), np.zeros(7)))) == {"stamp_ns", "position", "velocity"}
 
 
 @pytest.mark.parametrize("time", [0.0, 0.05, 0.5])

@@ -1,55 +1,18 @@
-"""The controller's model (Pinocchio, from the DH table) against PyBullet (from the URDF), against
-DH products and finite differences.
+"""The controller's model (Pinocchio, from the DH table) against DH products and finite differences;
+against PyBullet (from the URDF): tests/unit/simulation/test_arm_geometry.py.
 """
 
 import numpy as np
-import pybullet
 import pytest
-from pybullet_utils.bullet_client import BulletClient
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import ArmModel, wam_description, write_urdf
+from dart_skill.arm import ArmModel, wam_description
 from dart_skill.simulation import ArmGeometry
 
 WAM = wam_description()
 SHOULDER = WAM.mount_height + WAM.shoulder_height
 LOWER, UPPER = WAM.of_joints("lower"), WAM.of_joints("upper")
 N_POSTURES = 40
-
-
-class BulletArm:
-    """PyBullet's own idea of the arm, loaded from the URDF."""
-
-    def __init__(self, folder, ball):
-        path = folder / "wam.urdf"
-        path.write_text(write_urdf(WAM, ball), encoding="utf-8")
-        self.client = BulletClient(pybullet.DIRECT)
-        self.client.setGravity(0, 0, -WAM.gravity)
-        flags = pybullet.URDF_USE_INERTIA_FROM_FILE
-        self.body = self.client.loadURDF(
-            str(path), [0, 0, WAM.mount_height], useFixedBase=True, flags=flags
-        )
-
-    def hand(self, q):
-        for joint, angle in enumerate(q):
-            self.client.resetJointState(self.body, joint, angle)
-        state = self.client.getLinkState(self.body, 7, computeForwardKinematics=1)
-        return np.array(state[4]), Rotation.from_quat(state[5]).as_matrix()
-
-    def torque(self, q, qd):
-        return np.array(
-            self.client.calculateInverseDynamics(self.body, q.tolist(), qd.tolist(), [0.0] * 7)
-        )
-
-    def inertia(self, q):
-        return np.array(self.client.calculateMassMatrix(self.body, q.tolist()))
-
-
-@pytest.fixture(scope="module", params=[False, True], ids=["empty", "ball"])
-def pair(request, tmp_path_factory):
-    bullet = BulletArm(tmp_path_factory.mktemp("urdf"), request.param)
-    yield bullet, ArmModel(ball_in_hand=request.param)
-    bullet.client.disconnect()
 
 
 def postures(seed=0, n=N_POSTURES):
@@ -74,38 +37,6 @@ def dh_frames(q):
 def along(function, q, qd, h=1e-6):
     """Central difference of function(q) along qd."""
     return (function(q + h * qd) - function(q - h * qd)) / (2 * h)
-
-
-def test_the_hand_is_where_pybullet_has_it(pair):
-    bullet, model = pair
-    for q in postures()[0]:
-        position, rotation = model.hand_pose(q)
-        expected, expected_rotation = bullet.hand(q)
-        np.testing.assert_allclose(position, expected, atol=1e-6)
-        np.testing.assert_allclose(rotation, expected_rotation, atol=1e-6)
-
-
-def test_gravity_torque_is_that_of_pybullet(pair):
-    bullet, model = pair
-    for q in postures()[0]:
-        np.testing.assert_allclose(
-            model.gravity_torque(q), bullet.torque(q, np.zeros(7)), atol=1e-4
-        )
-
-
-def test_mass_matrix_without_rotors_is_that_of_pybullet(pair):
-    bullet, model = pair
-    for q in postures()[0]:
-        inertia = model.mass_matrix(q, rotors=False)
-        np.testing.assert_allclose(inertia, bullet.inertia(q), atol=1e-5)
-        np.testing.assert_array_equal(inertia, inertia.T)
-
-
-def test_coriolis_torque_is_that_of_pybullet(pair):
-    bullet, model = pair
-    for q, qd in zip(*postures(), strict=True):
-        expected = bullet.torque(q, qd) - bullet.torque(q, np.zeros(7))
-        np.testing.assert_allclose(model.coriolis_torque(q, qd), expected, atol=1e-4)
 
 
 def test_rotors_add_their_reflected_inertia_to_the_mass_matrix():

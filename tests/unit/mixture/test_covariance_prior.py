@@ -72,15 +72,6 @@ def test_units_and_repeated_samples_change_nothing_else():
     np.testing.assert_allclose(twice.covariances_, repeated.covariances_, rtol=1e-8)
 
 
-def test_without_a_prior_nothing_has_changed():
-    rng = np.random.default_rng(4)
-    samples = random_mixture(rng).sample(60, rng)
-    plain = GaussianMixture(3).fit(samples, rng=np.random.default_rng(0))
-    assert np.array_equal(plain.covariances_, fitted(samples, 0.0).covariances_)
-    with pytest.raises(ValueError, match="covariance_prior must be at least 0"):
-        GaussianMixture(3, covariance_prior=-1.0)
-
-
 @pytest.mark.parametrize(("n", "d"), [(15, 8), (30, 8)])
 def test_few_samples_are_explained_better_than_by_scikit_learn(n, d):
     """Of 30 sets; `benchmarks/few_samples.py` has more, and docs/learning.md what came of them."""

@@ -47,16 +47,6 @@ def test_product_with_a_singular_factor_stays_in_its_subspace():
     np.testing.assert_allclose(combined.covariance, np.full((2, 2), 1 / 3), atol=1e-14)
 
 
-def test_product_does_not_depend_on_the_order_of_its_factors():
-    rng = np.random.default_rng(3)
-    factors = [random_gaussian(rng, 4) for _ in range(3)]
-    one, log_one = product(factors)
-    other, log_other = product(factors[::-1])
-    np.testing.assert_allclose(one.mean, other.mean, rtol=1e-11, atol=1e-12)
-    np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-11, atol=1e-12)
-    assert log_one == pytest.approx(log_other, abs=1e-11)
-
-
 @pytest.mark.parametrize("n_rows", [1, 3, 5])
 def test_linear_map_with_any_matrix_has_the_moments_of_mapped_samples(n_rows):
     rng = np.random.default_rng(n_rows)
@@ -73,11 +63,6 @@ def test_linear_map_with_any_matrix_has_the_moments_of_mapped_samples(n_rows):
     assert np.abs(mapped.mean - samples.mean(0)).max() < 0.03 * spread.max()
     error = np.abs(mapped.covariance - np.atleast_2d(np.cov(samples.T))).max()
     assert error < 0.03 * spread.max() ** 2, error
-
-
-def test_linear_map_by_a_stretch_uses_both_sides_of_the_covariance():
-    mapped = Gaussian(np.zeros(3), np.eye(3)).linear_map(np.diag([2.0, 1.0, 1.0]))
-    np.testing.assert_allclose(mapped.covariance, np.diag([4.0, 1.0, 1.0]))
 
 
 def test_linear_combination_adds_the_second_covariance():

@@ -134,30 +134,6 @@ def test_far_from_the_data_the_slowest_decaying_component_takes_over():
         assert covariance[0, 0, 0] == pytest.approx(1.0)
 
 
-def test_covariances_are_positive_definite_and_symmetric():
-    rng = np.random.default_rng(3)
-    _, covariance = regress(
-        random_mixture(rng, 5, 6), 5 * rng.normal(size=(200, 2)), [0, 1], [2, 3, 4, 5]
-    )
-    np.testing.assert_array_equal(covariance, np.swapaxes(covariance, 1, 2))
-    assert np.linalg.eigvalsh(covariance).min() > 0
-
-
-def test_units_of_inputs_and_outputs_pass_through():
-    rng = np.random.default_rng(4)
-    mixture, queries = random_mixture(rng, 3, 3), rng.normal(size=(10, 1))
-    units = np.array([1e-6, 1e4, 1e-3])
-    scaled = GaussianMixture.from_parameters(
-        mixture.priors_, mixture.means_ * units, mixture.covariances_ * np.outer(units, units)
-    )
-    mean, covariance = regress(mixture, queries, [0], [1, 2])
-    mean_scaled, covariance_scaled = regress(scaled, queries * units[0], [0], [1, 2])
-    np.testing.assert_allclose(mean_scaled, mean * units[1:], rtol=1e-9)
-    np.testing.assert_allclose(
-        covariance_scaled, covariance * np.outer(units[1:], units[1:]), rtol=1e-8
-    )
-
-
 @pytest.mark.parametrize(
     ("inputs", "into", "out", "message"),
     [

@@ -90,14 +90,6 @@ def test_integer_weights_equal_repeated_samples_and_zero_equals_absence(method):
     np.testing.assert_array_equal(weighted.scores, present.scores)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_a_change_of_units_does_not_change_the_choice(method):
-    samples = clusters(np.random.default_rng(7))
-    metres = method(samples, [1, 2, 3, 4], rng=np.random.default_rng(8))
-    mixed = method(samples * [1e3, 1e-6], [1, 2, 3, 4], rng=np.random.default_rng(8))
-    np.testing.assert_allclose(np.diff(mixed.scores), np.diff(metres.scores), rtol=1e-5, atol=1e-8)
-
-
 def test_the_simplest_within_one_standard_error_ignores_a_gain_in_the_noise():
     samples = np.random.default_rng(9).normal(size=(150, 2))
     selection = select_by_cross_validation(samples, range(1, 6), rng=np.random.default_rng(1))

@@ -7,16 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dart_skill.mixture import GaussianMixture, Parameters, maximisation
-from dart_skill.mixture._expectation_maximisation import (
-    EmSettings,
-    _over_samples,
-    _Run,
-    expectation,
-)
-from dart_skill.mixture._sweep import KEPT, LARGEST_LOSS, LOSS_SHARE, SLICE, Sweep, _spans
+from dart_skill.mixture import GaussianMixture, Parameters, Sweep, expectation, maximisation
+from tests.interpreted import interpreted
 
 FLOOR = 1e-6
+SLICE = 4096
+"""Number of samples that are gone through at a time."""
+KEPT = 4 * SLICE
+"""Number of samples up to which products are kept."""
+LARGEST_LOSS = 1e-10
+"""Largest error of a log density."""
+LOSS_SHARE = 1e-4
+"""The same as a share of the tolerance."""
 
 
 def responsibilities_of_neighbours(rng, samples, n_components):
@@ -152,8 +154,8 @@ def test_both_ways_through_the_samples_agree(seed, n_dims, n_components):
     parameters = maximisation(
         [samples], responsibilities_of_neighbours(rng, samples, n_components), FLOOR
     )
-    by_products = one_iteration([samples], weights, parameters, "_by_products")
-    by_deviations = one_iteration([samples], weights, parameters, "_by_deviations")
+    by_products = one_iteration([samples], weights, parameters, "by_products")
+    by_deviations = one_iteration([samples], weights, parameters, "by_deviations")
     assert largest_difference(by_products, by_deviations) < 1e-8
     assert largest_difference(one_iteration([samples], weights, parameters), by_deviations) < 1e-9
 
@@ -165,7 +167,7 @@ def test_a_narrow_component_far_out_is_not_left_to_products():
     parameters, weights = maximisation([samples], shares, FLOOR), np.ones(700)
     expected = plain_iteration([samples], weights, parameters)
     lost = largest_difference(
-        one_iteration([samples], weights, parameters, "_by_products"), expected
+        one_iteration([samples], weights, parameters, "by_products"), expected
     )
     kept = largest_difference(one_iteration([samples], weights, parameters), expected)
     assert lost > 1e-10 > kept, (lost, kept)
@@ -174,7 +176,7 @@ def test_a_narrow_component_far_out_is_not_left_to_products():
 @pytest.mark.parametrize(
     "n_samples", [SLICE - 1, SLICE, SLICE + 1, KEPT, KEPT + 1, KEPT + 2, KEPT + 3]
 )
-@pytest.mark.parametrize("path", ["_by_products", "_by_deviations"])
+@pytest.mark.parametrize("path", ["by_products", "by_deviations"])
 def test_slices_leave_no_seam(n_samples, path):
     rng = np.random.default_rng(2)
     samples, weights = standardised(rng.normal(size=(n_samples, 2))), rng.random(n_samples)
@@ -183,7 +185,7 @@ def test_slices_leave_no_seam(n_samples, path):
     assert largest_difference(found, plain_iteration([samples], weights, parameters)) < 1e-11
 
 
-@pytest.mark.parametrize("path", ["_by_products", "_by_deviations"])
+@pytest.mark.parametrize("path", ["by_products", "by_deviations"])
 def test_blocks_of_different_width_share_their_responsibilities(path):
     rng = np.random.default_rng(3)
     samples = standardised(cases()["clusters"])
@@ -193,7 +195,7 @@ def test_blocks_of_different_width_share_their_responsibilities(path):
     assert largest_difference(found, plain_iteration(blocks, weights, parameters)) < 1e-10
 
 
-@pytest.mark.parametrize("path", ["_by_products", "_by_deviations"])
+@pytest.mark.parametrize("path", ["by_products", "by_deviations"])
 def test_samples_that_a_block_does_not_see_add_nothing_there(path):
     rng = np.random.default_rng(6)
     samples = standardised(cases()["clusters"])
@@ -211,7 +213,7 @@ def test_samples_that_a_block_does_not_see_add_nothing_there(path):
     )
 
 
-@pytest.mark.parametrize("path", ["_by_products", "_by_deviations"])
+@pytest.mark.parametrize("path", ["by_products", "by_deviations"])
 def test_a_component_that_a_block_does_not_see_is_as_wide_there_as_all(path):
     rng = np.random.default_rng(7)
     samples = standardised(
@@ -258,42 +260,9 @@ def test_the_least_eigenvalue_of_all_decides_whether_components_are_above_the_fl
         FLOOR * np.array([margin, 40.0, 90.0]),
     )
     covariances = np.einsum("kij,kj,klj->kil", axes, least[:, None] * [1.0, 1.2, 3.0, 1e3], axes)
-    assert blocks._are_above_floor(blocks.to_white(np.zeros((1, 3, 4)), covariances[None])) == (
+    assert blocks.are_above_floor(blocks.to_white(np.zeros((1, 3, 4)), covariances[None])) == (
         margin > 1.0
     )
-
-
-@pytest.mark.parametrize("n_components", [1, 3, 5, 9])
-@pytest.mark.parametrize("order", ["C", "F"])
-def test_sums_over_the_samples_are_those_of_numpy_to_the_last_bit(n_components, order):
-    counts = np.asarray(np.random.default_rng(11).random((2601, n_components)), order=order)
-    np.testing.assert_array_equal(_over_samples(counts), counts.sum(0))
-    np.testing.assert_array_equal(
-        _over_samples(counts[:, counts.sum(0) > 0]), counts[:, counts.sum(0) > 0].sum(0)
-    )
-
-
-@pytest.mark.parametrize(
-    "case", ["clusters", "collinear", "one narrow component", "dead component"]
-)
-def test_the_first_step_is_the_plain_one(case):
-    """Also where sums of products would lose digits, or a component has almost no count."""
-    rng = np.random.default_rng(12)
-    samples = standardised(cases()["clusters" if case == "dead component" else case])
-    shares, weights = responsibilities_of_neighbours(rng, samples, 3), rng.random(700) + 0.1
-    if case == "one narrow component":
-        shares = np.repeat(np.eye(2), [400, 300], axis=0)
-    if case == "dead component":
-        shares[:, 2] = 0.0
-    blocks, settings = [samples, samples[:, :2]], EmSettings(FLOOR, 0.0, 50)
-    run = _Run(blocks, weights, settings, shares.shape[1])
-    priors, components = run.begin(shares)
-    found = Parameters(priors, *run.sweep.from_white(components))
-    expected = _Run(blocks, weights, settings, shares.shape[1]).update(shares, np.zeros(700))
-    nothing = np.zeros(1)
-    assert largest_difference(
-        (nothing, found), (nothing, expected)
-    ) < LARGEST_LOSS + least_rounding(expected)
 
 
 def test_fifty_iterations_stay_with_the_plain_ones():
@@ -303,12 +272,41 @@ def test_fifty_iterations_stay_with_the_plain_ones():
     plain = start
     for _ in range(50):
         plain = plain_iteration([samples], weights, plain)[1]
-    run = _Run([samples], weights, EmSettings(FLOOR, 0.0, 50), 4)
-    fit = run.iterate(*run.at(start))
-    assert fit.n_iterations == 50
+    first = GaussianMixture.from_parameters(start.priors, start.means[0], start.covariances[0])
+    fit = GaussianMixture(4, covariance_floor=FLOOR, tolerance=0.0, max_iterations=50)
+    fit.fit(samples, weights, start=first)
+    assert fit.n_iterations_ == 50
     log_density = expectation([samples], plain)[1]
-    assert largest_difference((log_density, fit.parameters), (log_density, plain)) < 1e-9
-    assert fit.log_likelihood == pytest.approx(np.average(log_density, weights=weights), rel=1e-12)
+    found = Parameters(fit.priors_, [fit.means_], [fit.covariances_])
+    assert largest_difference((log_density, found), (log_density, plain)) < 1e-8
+    assert fit.log_likelihood_ == pytest.approx(weights @ log_density, rel=1e-12)
+
+
+@pytest.mark.parametrize("case", ["clusters", "collinear"])
+def test_the_m_step_of_given_counts_is_the_plain_one(case):
+    rng, samples = np.random.default_rng(12), standardised(cases()[case])
+    blocks, weights = [samples, samples[:, :2]], rng.random(700) + 0.1
+    counts = responsibilities_of_neighbours(rng, samples, 3) * weights[:, None]
+    sweep = Sweep(blocks, weights, FLOOR)
+    sums = sweep.sums_of(counts)
+    found = Parameters(sums.mass / sums.mass.sum(), *sweep.from_white(sweep.maximise(sums)))
+    expected, nothing = maximisation(blocks, counts, FLOOR), np.zeros(1)
+    difference = largest_difference((nothing, found), (nothing, expected))
+    assert difference < LARGEST_LOSS + least_rounding(expected)
+
+
+def test_compiled_and_interpreted_have_the_same_bits(monkeypatch):
+    rng, samples = np.random.default_rng(13), standardised(cases()["clusters"])
+    blocks, weights = [samples, samples[:, 1:3]], rng.random(700)
+    parameters = maximisation(blocks, responsibilities_of_neighbours(rng, samples, 3), FLOOR)
+    compiled = one_iteration(blocks, weights, parameters)
+    plain = interpreted("dart_skill.mixture._second_moments")
+    for name in ("write_components", "write_coefficients"):
+        monkeypatch.setattr(f"dart_skill.mixture._sweep.{name}", getattr(plain, name))
+    log_density, found = one_iteration(blocks, weights, parameters)
+    np.testing.assert_array_equal(log_density, compiled[0])
+    for one, other in zip(found.covariances, compiled[1].covariances, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_a_fit_of_many_samples_needs_little_more_memory_than_the_samples():
@@ -326,7 +324,7 @@ def test_a_fit_of_many_samples_needs_little_more_memory_than_the_samples():
     assert peak < 8 * samples.nbytes, f"{peak / samples.nbytes:.1f} times the samples"
 
 
-@pytest.mark.parametrize("path", ["_by_products", "_by_deviations"])
+@pytest.mark.parametrize("path", ["by_products", "by_deviations"])
 def test_a_sample_that_is_too_far_out_for_its_density_counts_as_in_the_plain_iteration(path):
     """Its density is e^-10000 and less, which is zero; its responsibilities are not."""
     rng = np.random.default_rng(5)
@@ -363,20 +361,10 @@ def test_a_peak_of_one_block_is_not_the_highest_of_a_sample_that_it_does_not_see
     shares = rng.dirichlet([1.0, 1.0], 300)
     parameters = maximisation(blocks, shares, FLOOR)
     found, expected = (
-        one_iteration(blocks, weights, parameters, "_by_products"),
+        one_iteration(blocks, weights, parameters, "by_products"),
         plain_iteration(blocks, weights, parameters),
     )
     assert np.isfinite(found[0]).all() and largest_difference(found, expected) < 1e-8
-
-
-@pytest.mark.parametrize(
-    ("n", "most"), [(1, 4096), (10, 3), (1391, 1027), (4096, 4096), (4097, 4096), (5, 0)]
-)
-def test_the_parts_of_the_samples_are_all_of_them_and_about_equal(n, most):
-    spans = _spans(n, most)
-    assert [i for span in spans for i in range(span.start, span.stop)] == list(range(n))
-    lengths = {span.stop - span.start for span in spans}
-    assert max(lengths) <= max(most, 1) and max(lengths) - min(lengths) <= 1
 
 
 def test_what_is_kept_is_gone_through_in_parts_with_the_same_result():

@@ -129,21 +129,6 @@ def test_pushed_ahead_it_skips(policy):
     assert ahead - 0.5 > 0.015 and behind - 0.7 < 0.005
 
 
-def test_it_does_not_know_the_time(policy):
-    """The same state gives the same answer at any time: a run that is cut and begun anew goes on
-    as it was.
-    """
-    whole = policy.run([0.0, 0.0], [0.0, 0.0], duration=1.5)
-    phase, state = whole.phase[400], (whole.position[400], whole.velocity[400])
-    for k in range(400, 500):
-        np.testing.assert_allclose(
-            policy.acceleration(phase, *state), whole.acceleration[k], atol=1e-9
-        )
-        phase = policy.advance(phase, *state, 0.002)
-        state = (whole.position[k + 1], whole.velocity[k + 1])
-        assert phase == pytest.approx(whole.phase[k + 1], abs=1e-12)
-
-
 @pytest.mark.parametrize("step", [0.0005, 0.001, 0.004, 0.01])
 def test_any_rate_gives_the_same_movement(policy, step):
     fine = policy.run([0.05, -0.05], [0.0, 0.0], duration=1.2, step=0.00025)
@@ -369,15 +354,6 @@ def test_one_demonstration_has_an_end_too(demonstrations):
     motion = smooth_derivatives(STAMPS, demonstrations[0])
     model = AutonomousDSGMR(6).fit([STAMPS], [motion], [WORLD])
     np.testing.assert_allclose(model.goal(WORLD), motion.position[-1], atol=1e-9)
-
-
-def test_positions_in_place_of_motions_are_named(model, demonstrations):
-    path = demonstrations[0]
-    for given in (path, path[:3], path.T, path[:, 0]):
-        with pytest.raises(ValueError, match=r"got one array of shape .*smooth_derivatives"):
-            AutonomousDSGMR(3).fit([STAMPS], [given], [WORLD])
-    with pytest.raises(ValueError, match=r"got one array of shape .*smooth_derivatives"):
-        model.bic([STAMPS], [path], [WORLD])
 
 
 def test_a_mixture_from_elsewhere_has_no_ends(model):

@@ -102,15 +102,6 @@ def test_without_covariance_the_mean_is_the_same_to_the_last_bit(model, moving):
     )
 
 
-def test_many_stamps_have_the_same_mean_without_covariance(model):
-    """More than the regression takes at a time."""
-    time = np.linspace(0.0, 1.0, 2500)
-    mean, _ = model.retrieve(WITH_DISTANCE, time, [1.4])
-    np.testing.assert_array_equal(
-        model.retrieve(WITH_DISTANCE, time, [1.4], covariance=False)[0], mean
-    )
-
-
 @pytest.mark.parametrize("partition", ["em", "time"])
 def test_a_demonstration_without_weight_is_not_learned_from(partition):
     demos = [np.column_stack([TIME, path_to(one)]) for one in DISTANCES]
@@ -136,17 +127,6 @@ def test_the_exact_step_is_what_the_attractor_is_followed_with(model):
     np.testing.assert_array_equal(movement.position, exact.position)
     measured = model.reproduce(WITH_DISTANCE, time, [0.0, 0.0], [0.0, 1.0], inputs=[1.5])
     np.testing.assert_allclose(measured.position, exact.position, atol=1e-9)
-
-
-def test_the_product_is_that_of_the_mixture(model):
-    np.testing.assert_array_equal(
-        model.product(WITH_DISTANCE).means_, model.mixture_.product(WITH_DISTANCE).means_
-    )
-    again = DSGMR.from_mixture(model.mixture_, n_inputs=1)
-    np.testing.assert_array_equal(
-        again.retrieve(WITH_DISTANCE, TIME, [1.2])[0],
-        model.retrieve(WITH_DISTANCE, TIME, [1.2])[0],
-    )
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 from dart_skill.movement import (
     angles_from_quaternions,
     angular_velocity,
-    make_continuous,
     multiply,
     pointing_angles,
     quaternions_from_angles,
@@ -58,29 +57,6 @@ def test_the_hand_points_along_the_direction_of_the_angles():
     angles = np.random.default_rng(0).uniform([-1, -1.4, -3], [4, 1.4, 3], (50, 3))
     hand_z = rotate(quaternions_from_angles(angles), [[0.0, 0.0, 1.0]])
     np.testing.assert_allclose(hand_z, pointing_directions(angles), atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("alpha_deg", "beta_deg", "direction"),
-    [
-        (0, 0, [1, 0, 0]),
-        (90, 0, [0, 0, 1]),
-        (180, 0, [-1, 0, 0]),
-        (225, 0, [-np.sqrt(0.5), 0, -np.sqrt(0.5)]),
-        (0, 90, [0, 1, 0]),
-        (0, -30, [np.sqrt(0.75), -0.5, 0]),
-    ],
-)
-def test_named_directions(alpha_deg, beta_deg, direction):
-    np.testing.assert_allclose(
-        pointing_directions(np.radians([[alpha_deg, beta_deg]]))[0], direction, atol=1e-15
-    )
-
-
-def test_a_hand_aligned_with_the_task_frame_points_straight_up():
-    np.testing.assert_allclose(
-        angles_from_quaternions([[0.0, 0.0, 0.0, 1.0]]), [[np.pi / 2, 0.0, 0.0]], atol=1e-12
-    )
 
 
 def test_roll_turns_the_hand_about_the_pointing_direction():
@@ -152,20 +128,6 @@ def test_angular_velocity_of_a_constant_turn_is_exact_at_irregular_stamps():
     np.testing.assert_allclose(
         angular_velocity(time[:2], turn.as_quat()[:2]), [rate, rate], atol=1e-8
     )
-
-
-def test_angular_velocity_error_falls_with_the_square_of_the_step():
-    def error(n):
-        time = np.linspace(0, 1, n)
-        quaternions = Rotation.from_euler("z", np.sin(3 * time)[:, None]).as_quat()
-        return np.abs(angular_velocity(time, quaternions)[:, 2] - 3 * np.cos(3 * time)).max()
-
-    assert error(101) / error(201) == pytest.approx(4.0, rel=0.1)
-
-
-def test_continuity_keeps_the_sign_of_the_first():
-    quaternions = [[0, 0, 0, -2.0], [0, 0, 0, 1.0], [0, 0, 0.1, -1.0]]
-    np.testing.assert_array_less(make_continuous(quaternions)[:, 3], 0.0)
 
 
 @pytest.mark.parametrize(

@@ -122,17 +122,6 @@ def test_it_moves_by_the_equations_of_the_thesis(form):
     np.testing.assert_allclose(movement.velocity[::10], speed, atol=2e-7)
 
 
-@pytest.mark.parametrize("form", FORMS, ids=str)
-def test_acceleration_is_the_derivative_of_velocity_and_velocity_that_of_position(form):
-    movement = learned(12, **form).open_loop(np.linspace(0.0, 2.5, 5001))
-    np.testing.assert_allclose(
-        np.gradient(movement.position, 5e-4, axis=0)[1:-1], movement.velocity[1:-1], atol=5e-4
-    )
-    np.testing.assert_allclose(
-        np.gradient(movement.velocity, 5e-4, axis=0)[1:-1], movement.acceleration[1:-1], atol=5e-3
-    )
-
-
 def test_without_forcing_it_is_a_critically_damped_spring():
     primitive = learned(goal_path="fixed").with_parameters(np.zeros(60))
     start, goal, velocity, duration = (
@@ -166,23 +155,6 @@ def measured_order(errors):
     return np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
 
 
-def test_open_loop_integration_is_of_fourth_order():
-    primitive = learned(6)
-    last = np.array([0.0, 0.5, 0.7, 1.1, 1.4])
-    state = primitive.begin(goal=[0.5, 0.9], duration=1.0)
-    exact, _ = integrate_literally(
-        primitive, last, state.position, state.velocity, state.wanted.goal, 1.0, rtol=1e-12
-    )
-    errors = []
-    for step in (0.02, 0.01, 0.005, 0.0025):
-        found = primitive.open_loop(step * np.arange(round(1.4 / step) + 1), state).position[
-            np.rint(last / step).astype(int)
-        ]
-        errors.append(np.abs(found - exact).max())
-    order = measured_order(errors)
-    assert np.abs(order - 4.0).max() < 0.15, (errors, order)
-
-
 def test_integration_between_irregular_stamps_is_of_fourth_order():
     primitive = learned(6)
     state = primitive.begin(duration=1.0)
@@ -211,15 +183,6 @@ def test_demonstration_is_reproduced(form):
     movement = DiscretePrimitive(50, **form).fit(STAMPS, position).open_loop(STAMPS)
     assert rms(movement.position - position) < 2e-5, rms(movement.position - position)
     assert rms(movement.velocity - velocity) < 1e-3, rms(movement.velocity - velocity)
-
-
-def test_one_kernel_at_a_time_blurs_what_all_together_reproduce():
-    position, *_ = reach_with_swing()
-    local, joint = (
-        rms(learned(30, regression=name).open_loop(STAMPS).position - position)
-        for name in ("local", "joint")
-    )
-    assert joint < 1e-5 and 1e-3 < local < 1e-2, (joint, local)
 
 
 @pytest.mark.parametrize("phase_scaled", [False, True])

@@ -141,19 +141,6 @@ def test_a_change_of_units_changes_nothing_but_units(scale, pace, offset, **form
     )
 
 
-def test_a_change_of_units_changes_no_cycle_and_no_decision_about_noise():
-    time = np.arange(0.0, 4.0, 0.01)
-    rng = np.random.default_rng(0)
-    wave = np.sin(2 * np.pi * time[:, None] / 1.3 + [0.0, 1.0]) + rng.normal(0, 0.01, (400, 2))
-    metres, millimetres = (
-        RhythmicPrimitive(20).fit(time, wave),
-        RhythmicPrimitive(20).fit(1e3 * time, 1e3 * wave),
-    )
-    assert millimetres.period_ == pytest.approx(1e3 * metres.period_, rel=1e-6)
-    np.testing.assert_allclose(millimetres.baseline_, 1e3 * metres.baseline_, atol=1e-4)
-    np.testing.assert_allclose(millimetres.weights_, 1e3 * metres.weights_, rtol=1e-3, atol=1e-2)
-
-
 def test_a_large_offset_costs_no_accuracy_beyond_its_own_digits():
     primitive = DiscretePrimitive(30).fit(STAMPS, reach() + 1e8, noise=0.0)
     assert rms(primitive.open_loop(STAMPS).position - 1e8 - reach()) < 1e-5

@@ -128,15 +128,6 @@ def test_there_is_no_seam_where_the_phase_starts_again():
     assert all(0.0 <= state.progress < 1.0 for state in states)
 
 
-def test_kernels_are_alike_and_turn_with_the_phase():
-    primitive = RhythmicPrimitive(8).fit(STAMPS, circle(STAMPS), period=PERIOD)
-    s = np.linspace(0.0, 1.0, 41)
-    np.testing.assert_allclose(
-        np.roll(primitive.activations(s), 3, axis=1), primitive.activations(s + 3 / 8), atol=1e-12
-    )
-    np.testing.assert_allclose(primitive.activations(s).sum(axis=1), 1.0)
-
-
 def test_from_anywhere_it_comes_to_the_cycle():
     primitive = learned()
     long = np.linspace(0.0, 4 * PERIOD, 1201)

@@ -171,15 +171,6 @@ def test_a_straight_path_is_retimed_to_the_movement_of_least_jerk():
     )
 
 
-def test_a_retimed_path_keeps_its_places_and_has_no_faults():
-    t = np.linspace(0.0, 3.0, 900)
-    curve = np.column_stack([np.cos(t), np.sin(t), 0.1 * t])
-    time, positions = retimed(aligned(curve), 3.0, 200)
-    assert np.abs(np.hypot(positions[:, 0], positions[:, 1]) - 1.0).max() < 1e-3
-    faults = find_faults(time, positions)
-    assert not faults.jumps and faults.repeats == 0.0 and not faults.uneven
-
-
 def test_what_does_not_move_has_no_path():
     with pytest.raises(ValueError, match="samples must move to have a path, got 5 at one place"):
         retimed(np.ones((5, 2)), 1.0, 10)

@@ -45,14 +45,6 @@ def test_start_and_stop_are_found_within_half_a_sample(seed, begin, duration):
     assert segment.peak_speed == pytest.approx(1.875 / duration, rel=0.05)
 
 
-def test_a_pause_before_the_motion_changes_nothing_but_the_stamps():
-    early = VelocityThreshold().segment(*recording([(0.5, 0.6, 1.0)], jitter=0.0, noise=0.0))[0]
-    late = VelocityThreshold().segment(*recording([(1.7, 0.6, 1.0)], jitter=0.0, noise=0.0))[0]
-    assert late.motion_start - early.motion_start == pytest.approx(1.2, abs=1e-9)
-    assert late.duration == pytest.approx(early.duration, abs=1e-9)
-    assert late.last - late.first == early.last - early.first
-
-
 def test_the_thresholds_have_hysteresis():
     """Speed that dips between the thresholds goes on; without the gap between them it is two
     motions.

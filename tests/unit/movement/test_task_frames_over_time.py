@@ -182,14 +182,6 @@ def test_every_iteration_raises_the_likelihood_with_frames_missing():
     assert np.diff(history).min() > -1e-8 and history[-1] > history[0] + 1.0, history
 
 
-def test_missing_frames_of_samples_without_weight_do_not_matter():
-    samples, frames = taught()
-    weights = [1.0] * 7 + [0.0]
-    whole = TaskParameterisedMixture(3).fit(samples[:-1], frames[:-1])
-    gappy = frames[:-1] + [[None, frames[-1][1]]]
-    assert_same(TaskParameterisedMixture(3).fit(samples, gappy, weights), whole)
-
-
 def test_a_component_that_a_frame_never_sees_is_as_wide_there_as_all_that_it_saw():
     samples, frames = taught()
     late = [[None if u < 0.6 else goal for u in STEPS] for _, goal in frames]
@@ -280,67 +272,6 @@ def test_a_partial_frame_that_sees_all_is_an_ordinary_one():
     np.testing.assert_allclose(
         model.product(partial[0]).means_, plain.product(frames[0]).means_, atol=1e-9
     )
-
-
-def heights():
-    """Every demonstration comes down to another height, while its way across is always the same."""
-    rng = np.random.default_rng(3)
-    levels = rng.uniform(-1.0, 1.0, 6)
-    samples = [
-        np.column_stack([STEPS, STEPS**2, level + (1 - STEPS) ** 2])
-        + rng.normal(0, 0.005, (60, 3))
-        for level in levels
-    ]
-    return [np.column_stack([STEPS, one[:, 1:]]) for one in samples], [
-        [IDENTITY, height_frame(level)] for level in levels
-    ]
-
-
-def test_a_frame_that_sees_the_height_alone_carries_the_movement_to_a_new_height():
-    samples, frames = heights()
-    model = DSGMR(5).fit(samples, frames)
-    mixture = model.mixture_
-    assert [mean.shape for mean in mixture.means_] == [(5, 3), (5, 2)]
-    assert mixture.n_dims == 3 and mixture.n_frames == 2
-    assert mixture.n_parameters == 4 + 5 * (3 + 6) + 5 * (2 + 3)
-    local = height_frame(frames[2][1].b[2])
-    seen = np.column_stack([STEPS, samples[2][:, 2] - local.b[2]])
-    terms = np.log(mixture.priors_) + factors(mixture, 0, samples[2]) + factors(mixture, 1, seen)
-    np.testing.assert_allclose(
-        mixture.log_density(samples, frames)[2],
-        np.logaddexp.reduce(terms, axis=1),
-        rtol=1e-9,
-        atol=1e-9,
-    )
-    attractor, _ = model.retrieve([IDENTITY, height_frame(1.4)], STEPS)
-    assert np.abs(attractor - np.column_stack([STEPS**2, 1.4 + (1 - STEPS) ** 2])).max() < 0.06
-
-
-def test_partial_frames_suffice_when_together_they_see_everything():
-    samples, frames = heights()
-    across = PartialFrame([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]], np.zeros(3))
-    model = TaskParameterisedMixture(3).fit(
-        samples, [[across, its_frames[1]] for its_frames in frames]
-    )
-    assert model.n_dims == 3
-    found = model.product([across, height_frame(0.2)])
-    np.testing.assert_allclose(
-        found.means_[:, 1], model.means_[0][:, 1] + _pull(model, 0), atol=1e-9
-    )
-    np.testing.assert_allclose(
-        found.means_[:, 2], model.means_[1][:, 1] + 0.2 + _pull(model, 1), atol=1e-9
-    )
-    with pytest.raises(ValueError, match="do not tell feature 2"):
-        model.product([across, None])
-
-
-def _pull(model, j):
-    """How far the product moves the second variable of frame j: both frames have a say in the
-    time.
-    """
-    time, variance = model.means_[:, :, 0], model.covariances_[:, :, 0, 0]
-    shared = (time / variance).sum(0) / (1 / variance).sum(0)
-    return model.covariances_[j][:, 1, 0] / variance[j] * (shared - time[j])
 
 
 # weights, time, refusals

@@ -7,12 +7,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from dart_skill.mixture import Gaussian, GaussianMixture, product, regress
+from dart_skill.mixture import Gaussian, GaussianMixture, product
 from dart_skill.movement import (
     DSGMR,
     TaskFrame,
     TaskParameterisedMixture,
-    follow_attractor,
     target_frame,
 )
 
@@ -152,15 +151,6 @@ def test_integer_weights_equal_repeated_demonstrations():
     )
 
 
-def test_the_order_of_demonstrations_does_not_matter():
-    demos, frames = taught()
-    order = [3, 0, 5, 1, 4, 2]
-    shuffled = TaskParameterisedMixture(3).fit(
-        [demos[i] for i in order], [frames[i] for i in order]
-    )
-    assert_same(shuffled, TaskParameterisedMixture(3).fit(demos, frames), 1e-6)
-
-
 def test_turning_and_moving_every_task_changes_nothing_in_the_frames():
     demos, frames = taught()
     move = planar_frame(1.1, 3.0, -2.0)
@@ -179,18 +169,6 @@ def test_turning_and_moving_every_task_changes_nothing_in_the_frames():
     )
 
 
-def test_millimetres_and_metres_give_the_same_mixture():
-    demos, frames = taught()
-    units = np.array([1.0, 1e3, 1e3])
-    in_mm = [[TaskFrame(f.A, units * f.b) for f in one] for one in frames]
-    scaled = TaskParameterisedMixture(3).fit([units * demo for demo in demos], in_mm)
-    plain = TaskParameterisedMixture(3).fit(demos, frames)
-    np.testing.assert_allclose(scaled.means_, plain.means_ * units, rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(
-        scaled.covariances_, plain.covariances_ * np.outer(units, units), rtol=1e-5, atol=1e-5
-    )
-
-
 def test_kmeans_start_finds_components_that_mean_the_same_in_all_frames():
     demos, frames = taught()
     by_time = TaskParameterisedMixture(3).fit(demos, frames).log_likelihood_
@@ -199,52 +177,6 @@ def test_kmeans_start_finds_components_that_mean_the_same_in_all_frames():
     )
     assert model.log_likelihood_ > by_time - 0.1 * abs(by_time), (model.log_likelihood_, by_time)
     np.testing.assert_allclose(model.means_[0, :, 0], model.means_[1, :, 0], rtol=1e-9)
-
-
-def test_more_demonstrated_agreement_in_a_frame_gives_it_more_say():
-    """At the goal the demonstrations agree in the goal's frame, so the last attractor follows the
-    goal.
-    """
-    demos, frames = taught()
-    model = DSGMR(3).fit(demos, frames)
-    new = [planar_frame(0.0, 0.0, 0.0), planar_frame(0.6, 1.4, 0.9)]
-    attractor, covariance = model.retrieve(new, STEPS)
-    np.testing.assert_allclose(attractor[-1], [1.4, 0.9], atol=0.05)
-    np.testing.assert_allclose(attractor[0], [0.0, 0.0], atol=0.05)
-    assert np.linalg.eigvalsh(covariance).min() > 0
-
-
-def test_retrieval_is_regression_on_the_product():
-    demos, frames = taught()
-    model = DSGMR(4).fit(demos, frames)
-    attractor, covariance = model.retrieve(frames[2], STEPS)
-    mean, spread = regress(model.mixture_.product(frames[2]), STEPS, [0], [1, 2])
-    np.testing.assert_array_equal(attractor, mean)
-    np.testing.assert_array_equal(covariance, spread)
-
-
-def test_reproduction_is_the_spring_damper_behind_the_retrieved_attractor():
-    demos, frames = taught()
-    model = DSGMR(4, stiffness=150.0, damping=20.0).fit(demos, frames)
-    plan = model.reproduce(frames[1], STEPS, [0.1, 0.2], [0.0, 1.0])
-    motion = follow_attractor(plan.attractor, STEPS[1], [0.1, 0.2], [0.0, 1.0], 150.0, 20.0)
-    for name, expected in motion._asdict().items():
-        np.testing.assert_allclose(
-            getattr(plan, name), expected, rtol=1e-9, atol=1e-12, err_msg=name
-        )
-    assert plan.covariance.shape == (80, 2, 2)
-
-
-def test_a_turned_task_gives_a_turned_reproduction():
-    demos, frames = taught()
-    model = DSGMR(4).fit(demos, frames)
-    move = planar_frame(-0.8, 0.5, 2.0)
-    turned = [TaskFrame(move.A @ f.A, move.A @ f.b + move.b) for f in frames[0]]
-    plain = model.reproduce(frames[0], STEPS, [0.0, 0.1], [0.0, 0.0])
-    start = move.from_frame([[0.0, 0.0, 0.1]])[0, 1:]
-    other = model.reproduce(turned, STEPS, start, [0.0, 0.0])
-    expected = move.from_frame(np.column_stack([STEPS, plain.position]))[:, 1:]
-    np.testing.assert_allclose(other.position, expected, atol=1e-9)
 
 
 def test_a_single_demonstration_is_followed_from_noisy_positions():
@@ -269,23 +201,6 @@ def test_encode_resamples_onto_the_grid_asked_for():
     )
     expected = np.column_stack([grid, 1 + grid + 0.1, grid**2 + 0.2 * grid + 0.02])
     np.testing.assert_allclose(encoded, expected, atol=1e-9)
-
-
-def test_three_dimensions_and_one_frame():
-    rng = np.random.default_rng(4)
-    turns = Rotation.from_euler("z", rng.uniform(-0.7, 0.7, (5, 1)))
-    local = np.column_stack([np.sin(3 * STEPS), 0 * STEPS, 1 + STEPS**2])
-    demos = [np.column_stack([STEPS, turn.apply(local)]) for turn in turns]
-    frames = []
-    for turn in turns:
-        matrix = np.eye(4)
-        matrix[1:, 1:] = turn.as_matrix()
-        frames.append([TaskFrame(matrix, np.zeros(4))])
-    model = TaskParameterisedMixture(8).fit(demos, frames)
-    # In the turned frames all demonstrations are one and the same planar path.
-    assert np.abs(model.means_[0, :, 2]).max() < 1e-9
-    attractor, _ = DSGMR.from_mixture(model).retrieve(frames[0], STEPS)
-    assert np.abs(turns[0].inv().apply(attractor) - local).max() < 0.05
 
 
 def test_static_attractors_at_the_target_are_encoded_and_found_again():
@@ -435,22 +350,6 @@ def test_each_component_is_of_all_demonstrations_then():
     np.testing.assert_allclose(
         smooth.means_[0][:, 1], window.T @ average / window.sum(axis=0), atol=1e-9
     )
-
-
-@pytest.mark.parametrize("n", [5, 8, 12])
-def test_what_is_retrieved_is_smoother_and_nearer(n):
-    samples, frames = taught(noise=0.01)
-    rough, smooth = (DSGMR(n, overlap=overlap).fit(samples, frames) for overlap in (None, 0.7))
-    jerks = [
-        np.square(np.diff(model.retrieve(frames[0], STEPS)[0], 3, axis=0)).mean()
-        for model in (rough, smooth)
-    ]
-    assert jerks[1] < 0.1 * jerks[0]
-    off = [
-        max(np.abs(model.retrieve(one, STEPS)[0] - reach(one)[:, 1:]).max() for one in frames)
-        for model in (rough, smooth)
-    ]
-    assert off[1] < 1.05 * off[0]
 
 
 # features that all frames see alike

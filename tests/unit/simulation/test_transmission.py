@@ -8,11 +8,12 @@ import scipy
 
 from dart_skill.arm import Actuation, ArmModel, Command, Grip, wam_description
 from dart_skill.common.configuration import node_parameters
-from dart_skill.simulation import Plant, PlantSettings
-from dart_skill.simulation._transmission import DAMPING_RATIO, Encoders, Transmission
+from dart_skill.simulation import Encoders, Plant, PlantSettings, Transmission
 from tests.interpreted import interpreted
 
 STEP = 0.002
+DAMPING_RATIO = 0.05
+"""Damping of a motor on its cable, in parts of the critical one."""
 STIFFNESS = np.array([9000.0, 9000.0, 5000.0, 3000.0, 800.0, 800.0, 200.0])
 REFLECTED = wam_description().motors.reflected_inertia
 INERTIA = np.diag([2.0, 2.5, 0.6, 0.5, 0.03, 0.04, 0.01])

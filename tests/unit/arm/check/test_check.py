@@ -210,13 +210,12 @@ def test_postures_about_one_axis_do_not_suffice_and_it_is_said_of_what():
 
 
 def led_about_j1_only():
-    from dart_skill.arm.check._joints import speeds_of
     from tests.unit.arm.check.heard import MODEL
 
     time = (J.stamp_ns - BEGIN_NS) * 1e-9
     frames = (H.stamp_ns - BEGIN_NS) * 1e-9
     hands = [MODEL.hand_pose(row) for row in ONE_AXIS[:: len(J) // len(H)][: len(H)]]
-    velocity = speeds_of(time, ONE_AXIS, time)
+    velocity = np.gradient(ONE_AXIS, time, axis=0)
     place, turn = (
         np.array([p for p, _ in hands]),
         Rotation.from_matrix(np.array([r for _, r in hands])).as_quat(),

@@ -13,7 +13,6 @@ from dart_skill.movement import (
     TaskFrame,
     angular_velocity,
     attractor_from_motion,
-    follow_attractor,
     smooth_derivatives,
 )
 from dart_skill.movement.pose import (
@@ -133,27 +132,6 @@ def test_following_is_numerical_integration(rng, gains):
     np.testing.assert_allclose(motion.velocity, states[:, 7:], atol=1e-4)
 
 
-def test_a_turn_about_a_fixed_axis_is_followed_as_the_euclidean_attractor_is():
-    """Then the rotation vector is linear, and (7.19) has its closed form."""
-    angle = 2.0 * BLEND
-    attractor = np.column_stack(
-        [np.zeros((101, 3)), Rotation.from_rotvec(angle[:, None] * [0.6, 0.0, 0.8]).as_quat()]
-    )
-    wanted = follow_attractor(angle[:, None], 0.01, [0.0], [0.0], 200.0)
-    motion = follow_pose_attractor(attractor, 0.01, attractor[0], np.zeros(6), 200.0)
-    np.testing.assert_allclose(
-        Rotation.from_quat(motion.pose[:, 3:]).as_rotvec(),
-        wanted.position * [0.6, 0.0, 0.8],
-        atol=1e-8,
-    )
-    np.testing.assert_allclose(
-        motion.velocity[:, 3:], wanted.velocity * [0.6, 0.0, 0.8], atol=1e-7
-    )
-    np.testing.assert_allclose(
-        motion.acceleration[:, 3:], wanted.acceleration * [0.6, 0.0, 0.8], atol=1e-5
-    )
-
-
 @pytest.mark.parametrize("degrees", [90.0, 180.0, 270.0, 360.0])
 def test_the_attractor_of_a_motion_leads_along_it(rng, degrees):
     poses = tumbling(degrees, rng)
@@ -161,16 +139,6 @@ def test_the_attractor_of_a_motion_leads_along_it(rng, degrees):
     followed = follow_pose_attractor(pose_attractor(motion), 0.01, poses[0], motion.velocity[0])
     assert np.degrees(angles_between(followed.pose, poses).max()) < 0.02
     np.testing.assert_allclose(followed.pose[:, :3], poses[:, :3], atol=1e-4)
-
-
-def test_positions_have_the_attractor_of_positions(rng):
-    poses = tumbling(100.0, rng)
-    motion = pose_motion(TIME, poses)
-    np.testing.assert_allclose(
-        pose_attractor(motion)[:, :3],
-        attractor_from_motion(*smooth_derivatives(TIME, poses[:, :3]), 200.0),
-        atol=1e-12,
-    )
 
 
 # --- DS-GMR ---
@@ -353,9 +321,7 @@ WRONG = {
     "stiffness must be one number, or two": lambda: PoseDSGMR(2, [1.0, 2.0, 3.0]),
     "stiffness must be positive": lambda: PoseDSGMR(2, -1.0),
     "partition must be one of": lambda: PoseDSGMR(2, partition="space"),
-    "samples have no number before the pose": lambda: PoseDSGMR(2).fit(
-        [POSES], [[FRAME]]
-    ),
+    "samples have no number before the pose": lambda: PoseDSGMR(2).fit([POSES], [[FRAME]]),
     "holds no model yet": lambda: PoseDSGMR(2).retrieve([FRAME], TIME),
     "inputs beside time must have shape": lambda: fitted().retrieve([FRAME], TIME, [0.5]),
     "pose0 must have 7 columns": lambda: fitted().reproduce([FRAME], TIME, np.zeros(3)),

@@ -12,7 +12,6 @@ from dart_skill.movement.pose import (
     PoseFrame,
     PoseMixture,
     TaskParameterisedPoseMixture,
-    angles_between,
     exponential,
     logarithm,
     mean_point,
@@ -136,15 +135,6 @@ def test_a_product_of_factors_that_differ_by_nearly_half_a_turn_stays_at_the_sha
     np.testing.assert_allclose(covariance[3:, 3:], 1e-4 * np.eye(3), atol=1e-7)
 
 
-def test_the_product_of_one_factor_and_itself_has_half_its_covariance(rng):
-    means, covariances = random_factors(rng, 1, 0.0)
-    mode, covariance = product_of_poses(
-        np.repeat(means, 2, axis=0), np.repeat(covariances, 2, axis=0)
-    )
-    assert apart(mode, means[0]) < 1e-14
-    np.testing.assert_allclose(covariance, 0.5 * covariances[0], rtol=1e-10, atol=1e-12)
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_turning_all_data_turns_the_mixture_and_its_regression(seed):
     rng = np.random.default_rng(seed)
@@ -229,18 +219,6 @@ def test_a_sample_with_weight_two_counts_as_two(rng):
     )
     assert apart(weighted.means_, repeated.means_) < 1e-8
     np.testing.assert_allclose(weighted.covariances_, repeated.covariances_, atol=1e-8)
-
-
-def test_clusters_without_time_are_found_by_k_means(rng):
-    centres = [
-        exponential(CENTRE, [0.0, 0.0, 0.0, *way])
-        for way in ([0.0, 0.0, 0.0], [0.0, 1.5, 0.0], [2.0, 0.0, 0.0])
-    ]
-    rows = np.concatenate(
-        [exponential(centre, rng.normal(0.0, 0.05, (80, 6))) for centre in centres]
-    )
-    mixture = fitted(3, rows, rng=rng, start="kmeans", n_starts=3)
-    assert max(angles_between(mixture.means_, centre).min() for centre in centres) < 0.03
 
 
 def test_a_still_hand_gives_a_mixture(rng):

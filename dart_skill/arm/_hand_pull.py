@@ -1,0 +1,109 @@
+"""How the hand is made to do what a guide says: the law (7.19) on the arm, or on a model of it that
+the joints follow.
+"""
+
+import numpy as np
+
+from dart_skill.arm._command import ArmState
+from dart_skill.arm._description import WamDescription
+from dart_skill.arm._drive import coasted, cut, with_swing
+from dart_skill.arm._guide import Guidance
+from dart_skill.arm._impedance import Impedance, JointServo, PoseGains
+from dart_skill.arm._model import ArmModel
+from dart_skill.arm._plan_checks import CommanderSettings
+from dart_skill.common.constants import N_JOINTS
+
+
+class HandPull:
+    """Wrenches and torques for the guidance of one motion after the other.
+
+    Parameters
+    ----------
+    settings
+        Gains, limits, and the law.
+    description
+        Of the arm.
+    servo
+        Of its joints.
+    """
+
+    def __init__(
+        self, settings: CommanderSettings, description: WamDescription, servo: JointServo
+    ):
+        self._settings, self._servo = settings, servo
+        self._arms = {
+            carries: Impedance(
+                ArmModel(description, ball_in_hand=carries), settings.friction_compensation
+            )
+            for carries in (False, True)
+        }
+        self._tracking = PoseGains.of(
+            (settings.tracking_stiffness, settings.tracking_damping),
+            (settings.tracking_stiffness_rotation, settings.tracking_damping_rotation),
+        )
+        self.begin(np.zeros(N_JOINTS))
+
+    def begin(self, posture: np.ndarray) -> None:
+        """Another motion begins.
+
+        Parameters
+        ----------
+        posture
+            Of the joints before it (7,) [rad].
+        """
+        self._posture = posture
+        self._expected: tuple[np.ndarray, np.ndarray, np.ndarray, float] | None = None
+        self._taken_out = np.zeros(N_JOINTS)  # by the torques of a careful motion
+
+    def at(
+        self, state: ArmState, now: Guidance, time: float, careful: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Wrench (6,) and torque (7,) in a state.
+
+        Parameters
+        ----------
+        now
+            What the hand shall do.
+        time
+            Since the motion began [s].
+        careful
+            Whether what is left of the distance is taken out.
+        """
+        if self._settings.tracking == "joints":
+            wrench, torque = self._follow(state, now, time, careful)
+        else:
+            arm, q, qd = self._arms[now.carries], state.position, state.velocity
+            tracking = self._tracking if self._settings.tracking == "hand" else None
+            acceleration = arm.pulled(q, qd, now.reference, now.gains, tracking)
+            wrench, torque = arm.act(q, qd, acceleration, self._aim(q, now))
+        limits = self._settings.limits
+        return cut(wrench, limits.strongest_force, limits.strongest_moment), torque
+
+    def _aim(self, position: np.ndarray, now: Guidance) -> np.ndarray:
+        """What the free motion of the arm aims at (7,): the posture of the start, or of the plan,
+        but for the joints that swing.
+        """
+        return with_swing(self._posture if now.posture is None else now.posture, position)
+
+    def _follow(
+        self, state: ArmState, now: Guidance, time: float, careful: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Wrench (6,) and torque (7,) of the motion that (7.19) makes of the plan on the model of
+        the arm, and a pull of the joints to it.
+
+        The law acts on the model, where nothing is late or noisy; of the arm's own sensors only
+        the joints' servo lives.
+        """
+        arm, q, qd = self._arms[now.carries], state.position.copy(), np.zeros(N_JOINTS)
+        if self._expected is not None:  # else the motion begins at rest where the arm is
+            *motion, then = self._expected
+            q, qd = coasted(*motion, time - then)
+            if careful:
+                self._taken_out = self._servo.take_out(
+                    self._taken_out, state.position, q, time - then
+                )
+        acceleration = arm.pulled(q, qd, now.reference, now.gains, self._tracking)
+        wrench, torque, qdd = arm.moved(q, qd, acceleration, self._aim(q, now))
+        self._expected = q, qd, qdd, time
+        pull = self._servo.follow(state.position, state.velocity, q, qd)
+        return wrench, torque + self._taken_out + pull
