@@ -76,6 +76,7 @@ CAREFUL = (Mode.HOLDING, Mode.MOVING, Mode.APPROACHING, Mode.SETTLING)
 and one that stops was in one. What a motion needs its guide says.
 """
 UNDER_WAY = (Mode.APPROACHING, Mode.SETTLING, Mode.EXECUTING, Mode.FOLLOWING_THROUGH)
+"""Modes of a motion that a guide leads."""
 
 
 class Commander:

@@ -24,7 +24,12 @@ WEAK = 0.1
 """Torque from which the direction of the drive tells that of the friction, in parts of the Coulomb
 friction.
 """
-NO_TORQUE, NO_SPEED, AT_REST = np.zeros(N_JOINTS), np.zeros(N_JOINTS), np.zeros(6)
+NO_TORQUE = np.zeros(N_JOINTS)
+"""Torque of joints that are not driven [N m]."""
+NO_SPEED = np.zeros(N_JOINTS)
+"""Speed of joints that rest [rad/s]."""
+AT_REST = np.zeros(6)
+"""Velocity of an attractor [m/s, rad/s]."""
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ except ModuleNotFoundError as error:  # not needed by a program that makes no mo
     pin = Absent(error)
 
 BELOW = np.tri(N_JOINTS, k=-1, dtype=bool)
+"""Entries of an inertia that Pinocchio does not fill."""
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from dart_skill.common.quaternions import CONJUGATE, matrices, product, to_vecto
 STRETCHED = 0.005
 """Nearer than this to its full reach the arm cannot follow a plan: the elbow may turn over [m]."""
 TRACKING = ("joints", "hand", "none")
+"""What may keep the arm on its motion."""
 MOST_OFFSET = 0.05
 """Distance between the places of the hand by the registration of a plan and by the measured one
 above which the plan is refused [m].

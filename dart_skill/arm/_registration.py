@@ -26,7 +26,11 @@ HEAD = """\
 # turn (x, y, z, w), shift [m]: of the base in the world of the cameras; hand_turn, hand_shift: of the body in the frame of the hand.
 # delay: of the stamps of the cameras [s]. spread: standard deviations, of turns as rotation vectors [rad].
 """
-ZERO, SAME = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
+"""First lines of a registration file."""
+ZERO = (0.0, 0.0, 0.0)
+"""Shift of what is not shifted [m]."""
+SAME = (0.0, 0.0, 0.0, 1.0)
+"""Quaternion of what is not turned."""
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,7 @@ USUAL = np.repeat([0.02, 0.02, 0.02, 0.01, 0.01], [3, 3, 3, 3, 1])
 system that was set up with care.
 """
 ROUNDS = 3
+"""Number of steps of the fit with a prior."""
 ANYTHING = np.repeat([3.0, 3.0, 3.0, 0.3, 0.01], [3, 3, 3, 3, 1])
 """The same of a system of which nothing is known; only of the delay is the usual said, which an
 arm that rests does not tell.

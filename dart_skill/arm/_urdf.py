@@ -13,7 +13,9 @@ from dart_skill.arm._description import Capsule, Inertial, Joint, WamDescription
 from dart_skill.common.constants import N_JOINTS
 
 HAND_LINK = "bhand_base"
+"""Link of the hand."""
 BALL_LINK = "held_ball"
+"""Link of what the hand holds."""
 
 
 def write_urdf(
@@ -152,6 +154,7 @@ def _fixed(
 
 
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+"""Quaternion of no turn."""
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ GRAVITY = 9.81
 """Acceleration of free fall [m/s^2]."""
 AIR_DENSITY = 1.204
 """Density of dry air at 20 degrees Celsius and sea level [kg/m^3]."""
-BULL_DISTANCE, BULL_HEIGHT = 2.37, 1.73
-"""Place of a regulation dart board: its face from the throwing line, and its bull above the floor
-[m].
-"""
+BULL_DISTANCE = 2.37
+"""Distance of the face of a regulation dart board from the throwing line [m]."""
+BULL_HEIGHT = 1.73
+"""Height of its bull above the floor [m]."""
 REMEMBERED = 2000
 """Largest number of throws of a bag that are learned from, by default: a lesson from them
 takes a second.

@@ -10,13 +10,28 @@ from __future__ import annotations
 Colour = tuple[int, int, int]
 """Red, green, blue from 0 to 255."""
 
-BLACK, GREY, LIGHT, WHITE = (0, 0, 0), (119, 119, 119), (187, 187, 187), (255, 255, 255)
-ORANGE, SKY, GREEN, YELLOW = (230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66)
-BLUE, VERMILION, PURPLE = (0, 114, 178), (213, 94, 0), (204, 121, 167)
+BLACK = (0, 0, 0)
+GREY = (119, 119, 119)
+LIGHT = (187, 187, 187)
+WHITE = (255, 255, 255)
+ORANGE = (230, 159, 0)
+SKY = (86, 180, 233)
+GREEN = (0, 158, 115)
+YELLOW = (240, 228, 66)
+BLUE = (0, 114, 178)
+VERMILION = (213, 94, 0)
+PURPLE = (204, 121, 167)
 PALE = (234, 245, 252)
 """The inside of something blue."""
 
-ARM, FINGERS, CAMERA, REGION = (200, 200, 205), (90, 90, 95), GREY, LIGHT
+ARM = (200, 200, 205)
+"""Links of the arm."""
+FINGERS = (90, 90, 95)
+"""Fingers of the hand."""
+CAMERA = GREY
+"""Cameras and what they see of the room."""
+REGION = LIGHT
+"""Where a target may be."""
 BASKET = BLUE
 """Where something shall come to: a basket, a holder, a board, a cup."""
 BALL = VERMILION
@@ -26,6 +41,7 @@ HAND = BLACK
 PLANNED = LIGHT
 """The way of the hand as it was expected; it is drawn broad, below the one that is seen."""
 ATTRACTOR = ORANGE
+"""What pulls the hand."""
 DEMONSTRATION = GREY
 """What a person showed: ways of the hand, and baskets (dashed)."""
 RELEASE = PURPLE
@@ -33,10 +49,11 @@ RELEASE = PURPLE
 GAUSSIANS = (GREEN, SKY, PURPLE, YELLOW)
 """Colours of groups of Gaussians, in the order in which they first come."""
 GAUSSIAN = GAUSSIANS[0]
-SUCCESS, FAILURE = BASKET, BALL
-"""What ended in the basket has its colour; what did not keeps that of the ball. The marks differ,
-too: a ring and a cross.
-"""
+"""Gaussians of one group."""
+SUCCESS = BASKET
+"""What ended in the basket has its colour; its mark is a ring."""
+FAILURE = BALL
+"""What did not keeps the colour of the ball; its mark is a cross."""
 STOP = VERMILION
 """What ends a movement at once, and what tells of an error."""
 LEVELS = (GREEN, ORANGE, VERMILION, GREY)

@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 from dart_skill.common.configuration import load_yaml
 
 FILE = "permissions.yaml"
+"""File in config/ that says which node may do what."""
 ROOT = "/dart_skill"
 """Enclaves stand below this path: /dart_skill/commander."""
 PARAMETERS = (
@@ -22,6 +23,7 @@ PARAMETERS = (
 )
 """Services of every node's parameters."""
 READS = PARAMETERS[:4]
+"""Those that change nothing."""
 LIFE_CYCLE = (
     "change_state",
     "get_state",
@@ -29,6 +31,7 @@ LIFE_CYCLE = (
     "get_available_transitions",
     "get_transition_graph",
 )
+"""Services of a node with a life cycle."""
 KINDS = {
     "publishes": ("topic", "publish"),
     "hears": ("topic", "subscribe"),

@@ -21,7 +21,10 @@ CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
 SHIFTED = np.array([[3, 2, 1, 0], [2, 3, 0, 1], [1, 0, 3, 2]])
 SIGNS = np.array([[1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0], [-1.0, 1.0, 1.0, -1.0]])
 """i, j and k times a quaternion: which number stands where, and its sign."""
-NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+NEXT = np.array([1, 2, 0])
+"""Axis after each axis."""
+LAST = np.array([2, 0, 1])
+"""Axis before each axis."""
 """Numbers of the coordinate after each one, and before it."""
 
 

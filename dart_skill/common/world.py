@@ -16,8 +16,10 @@ THROW = "throw"
 """Name of the skill of throws at baskets."""
 THROW_BODIES = ("ball", "basket")
 """Roles of what is thrown, and of what it is thrown at."""
-DEMONSTRATION_TOPIC, MARK_TOPIC = "/demonstrations", "/demonstration_marks"
-"""What was shown, and which of it is left out."""
+DEMONSTRATION_TOPIC = "/demonstrations"
+"""Topic of what was shown."""
+MARK_TOPIC = "/demonstration_marks"
+"""Topic of which of it is left out."""
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from dart_skill.common.checks import (
 )
 
 LOG_2PI = float(np.log(2.0 * np.pi))
+"""Logarithm of 2 pi."""
 
 
 def cholesky(covariances: np.ndarray, what: str = "covariance") -> np.ndarray:

@@ -29,6 +29,7 @@ from dart_skill.mixture._regression_terms import (
 )
 
 SLICE = 1024
+"""Number of queries that are answered at a time."""
 
 
 class Conditionals(NamedTuple):

@@ -17,8 +17,11 @@ from numpy.typing import ArrayLike
 from dart_skill.common.checks import as_learnable, as_number, as_weights
 
 NEAR = 0.05
+"""Share of the points that are near."""
 ALMOST_ALL = 0.95
+"""Share of the points, and of the mass of the kernel, that a bandwidth is made for."""
 READINGS = ("copies", "printed")
+"""What a weight stands for."""
 EXACT = 1e-12  # rounding error that is allowed when a share of the weight is compared
 
 

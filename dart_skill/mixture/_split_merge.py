@@ -23,6 +23,7 @@ from dart_skill.mixture._gaussian import log_normal, raise_to_floor, symmetric
 from dart_skill.mixture._mixture import GaussianMixture
 
 HALF_WAY = float(np.sqrt(0.75))
+"""Distance of two means that explains three quarters of the variance."""
 
 Components = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Priors, means and covariances."""

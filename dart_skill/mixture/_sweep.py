@@ -31,29 +31,31 @@ from dart_skill.mixture._gaussian import LOG_2PI, raise_to_floor, symmetric, upp
 from dart_skill.mixture._second_moments import write_coefficients, write_components
 
 SLICE = 4096
+"""Largest number of samples that are gone through at a time."""
 EPSILON = float(np.finfo(float).eps)
-# The products of up to so many samples are kept between sweeps. For more, computing them again
-# costs no more than reading them.
+"""Relative rounding error."""
 KEPT = 4 * SLICE
-# Largest number of kept numbers that are gone through at a time: 1.3 MB, as a core of today's
-# processors has a megabyte or more of cache. For many components it is half of that.
+"""Largest number of samples whose products are kept between sweeps; of more, computing them again
+costs no more than reading them.
+"""
 PART = 160_000
-# Number of multiplications up to which OpenBLAS has a quicker way.
+"""Largest number of kept numbers that are gone through at a time: 1.3 MB, as a core of today's
+processors has a megabyte or more of cache. For many components it is half of that.
+"""
 QUICK = 1_000_000
-# Largest error of a log density that is computed from products.
+"""Number of multiplications up to which OpenBLAS has a quicker way."""
 LARGEST_LOSS = 1e-10
-# The same as a share of the rise of the likelihood at which EM stops.
+"""Largest error of a log density that is computed from products."""
 LOSS_SHARE = 1e-4
-# A sample whose density, relative to the highest peak, is above this has lost nothing to
-# underflow.
+"""The same as a share of the rise of the likelihood at which EM stops."""
 LEAST_DENSITY = 1e-250
-# The same of logarithms of densities.
+"""Density of a sample, relative to the highest peak, above which it has lost nothing to underflow."""
 LEAST_LOG = -690.0
-# White coordinates, which are about one, that differ by no more are the same: the rest is
-# rounding.
+"""The same of logarithms of densities."""
 ALIKE = 1e-12
-# A component is dead if its count is below this share of the weight of one sample.
+"""Difference of white coordinates, which are about one, that is taken for rounding."""
 DEAD_SHARE = 1e-3
+"""Count of a component below which it is dead, in weights of one sample."""
 
 # glibc gives the memory of an array above a threshold back to the system, and gets the next one
 # page by page: a tenth of the time of a fit. The threshold grows to the size of the largest array

@@ -24,6 +24,7 @@ from dart_skill.common.checks import as_count, as_finite, as_number, as_samples,
 from dart_skill.movement._time import as_stamps
 
 N_INSTANTS = 100
+"""Number of instants at which demonstrations are compared."""
 LEAST_FOR_REGRESSION = 3
 """A regression on the task needs so many demonstrations per unknown; with fewer, the median of the
 others is the prediction.

@@ -19,12 +19,14 @@ from dart_skill.common.checks import as_finite, as_number, as_samples
 from dart_skill.movement._differentiation import MIN_SAMPLES, Motion, smooth_derivatives
 from dart_skill.movement._time import as_stamps
 
-# Clean samples are differentiated by the polynomial through so many of them: sixth order, fifth
-# for accelerations at the ends.
 STENCIL = 7
-# If differences would make more noise than this share of the acceleration, the samples are
-# smoothed instead.
+"""Clean samples are differentiated by the polynomial through so many of them: sixth order, fifth for
+accelerations at the ends.
+"""
 NOISE_SHARE = 0.02
+"""If differences would make more noise than this share of the acceleration, the samples are smoothed
+instead.
+"""
 
 
 class ShownMovement(NamedTuple):
@@ -234,11 +236,14 @@ def _stencil(offsets: np.ndarray) -> np.ndarray:
     return np.linalg.solve(powers, np.broadcast_to(wanted, (len(offsets), width, 2)))
 
 
-# A lag counts as a repetition if its squared difference, relative to that of unrelated samples, is
-# below this.
 REPEATS_BELOW = 0.1
+"""A lag counts as a repetition if its squared difference, relative to that of unrelated samples, is
+below this.
+"""
 MAX_SAMPLES = 1000
+"""Largest number of samples among which a period is looked for."""
 N_HARMONICS = 6
+"""Number of harmonics by which a period is refined."""
 
 
 def estimate_period(time: np.ndarray, position: np.ndarray) -> float:

@@ -22,16 +22,21 @@ from dart_skill.common.checks import as_finite, as_samples
 from dart_skill.movement._time import as_stamps
 
 DEGREE = 5
+"""Degree of the splines."""
 NEIGHBOURS = 7
+"""Number of samples of a contrast, which is zero on polynomials of degree 5."""
 MIN_SAMPLES = 8
-# The risk is evaluated in windows of so many samples; the cost is cubic in this number and linear
-# in the number of windows.
+"""Least number of samples that are smoothed."""
 RISK_WINDOW = 300
-# Median of the absolute value of a normal variable of unit variance.
+"""Number of samples in a window for which the risk is evaluated; the cost is cubic in it and linear
+in the number of windows.
+"""
 NORMAL_MEDIAN = 0.6744897501960817
-# lambda in units of the mean sample interval, per unit of noise variance.
+"""Median of the absolute value of a normal variable of unit variance."""
 LOG_PENALTIES = np.linspace(-6.0, 12.0, 181)
+"""Logarithms of lambda that are tried, in units of the mean sample interval, per noise variance."""
 GAUSS_POINTS = np.polynomial.legendre.leggauss(3)
+"""Nodes and weights of an integral over an interval."""
 
 
 class Motion(NamedTuple):

@@ -145,6 +145,7 @@ def regress_jointly(
 
 
 REGRESSIONS = {"joint": regress_jointly, "local": regress_locally}
+"""Regressions by name."""
 
 
 BLEND = Polynomial([0.0, 0.0, 0.0, 0.0, 0.0, 126.0, -420.0, 540.0, -315.0, 70.0])

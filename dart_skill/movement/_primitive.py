@@ -29,9 +29,10 @@ from dart_skill.movement._forcing import (
 )
 from dart_skill.movement._time import as_stamps
 
-# A tracking error slows a movement down to this share of its pace at least. At zero it could not
-# continue.
 MIN_SHARE = 1e-9
+"""Least share of its pace to which a tracking error slows a movement down; at zero it could not
+continue.
+"""
 
 
 @dataclass(frozen=True, eq=False)

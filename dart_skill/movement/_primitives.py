@@ -68,10 +68,11 @@ from dart_skill.movement._primitive import (
     as_given,
 )
 
-# A forcing term without the factor z fades to zero within this share of the duration after the
-# end.
 RELEASE = 0.25
+"""A forcing term without the factor z fades to zero within this share of the duration after the end.
+"""
 MAX_DECAY = 100.0
+"""Largest decay of the phase, beyond which z vanishes before the end."""
 
 
 class DiscretePrimitive(Primitive):
@@ -313,8 +314,8 @@ class DiscretePrimitive(Primitive):
         return self._smooth_path(np.clip(progress, 0.0, 1.0))
 
 
-# Least number of steps per period with which the limit cycle is computed.
 CYCLE_STEPS = 200
+"""Least number of steps per period with which the limit cycle is computed."""
 
 
 class RhythmicPrimitive(Primitive):

@@ -63,9 +63,11 @@ from dart_skill.movement._placement import (
 __all__ = ["PartialFrame", "TaskParameterisedMixture"]
 
 STARTS = ("time", "kmeans")
-# A column of a frame counts as no narrower than this share of what world deviations could put
-# there.
+"""Starts of EM."""
 LEAST_SHARE = 1e-2
+"""A column of a frame counts as no narrower than this share of what world deviations could put
+there.
+"""
 LEAST_PIVOT = 1e-12
 """A direction of the world counts as seen when the frames tell it apart from the others by this
 share at least.

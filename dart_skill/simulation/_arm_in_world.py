@@ -36,6 +36,7 @@ from dart_skill.simulation._plant_settings import PlantSettings
 from dart_skill.simulation._transmission import Encoders, Transmission
 
 HAND_LINK_INDEX = N_JOINTS
+"""Index of the link of the hand in PyBullet."""
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ START_POSTURE = (0.0, 0.3, 0.0, 2.2, 0.0, 1.0, 0.0)
 wrist is straight above some cups.
 """
 WAY = ("way_x", "way_y", "way_z")
+"""Numbers of a situation that say how far the cup goes [m]."""
 NUMBERS = (*WAY, "steady", "start", "duration", "tunnel")
 """Names of the numbers of a situation in the world of a belt: the fields of `Belt`, the way along
 each axis.

@@ -242,6 +242,7 @@ MOST_MISSED = 360_000
 FLYING = ("ball", "dart")
 """Bodies with markers of their own kind: `ball_noise` and `ball_offset` are theirs."""
 NO_CAPSULES = (np.empty((0, 2, 3)), np.empty(0))
+"""Ends and radii of no capsules."""
 
 
 @dataclass(frozen=True)

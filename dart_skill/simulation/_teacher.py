@@ -29,6 +29,7 @@ from dart_skill.common.constants import N_JOINTS
 from dart_skill.common.surface import BASKETS, RIMS, Game
 
 NO_MOMENT = np.zeros(3)
+"""Moment of a trembling hand [N m]."""
 SWING_JOINTS = (1, 3, 5)
 """J2, J4 and J6 move the hand in the vertical plane of the throw."""
 NEAREST = 0.3

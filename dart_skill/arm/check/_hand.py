@@ -16,6 +16,7 @@ STEP = 0.05
 FAST = 1.0
 """And no joint is faster [rad/s]: how late stamps are counts little then."""
 MOST = 400
+"""Largest number of postures that are compared."""
 NEAREST = 0.01
 """Joint states are so near in time to a pose that is compared with them [s]."""
 LEFT = 0.005, np.deg2rad(1.0)
@@ -45,6 +46,7 @@ UNKNOWNS = [
     for part in ("turn of the base", "shift of the base", "turn of the body", "shift of the body")
     for axis in "xyz"
 ]
+"""Names of the unknowns of a registration."""
 
 
 def sightings_of(heard: Heard, model: ArmModel) -> Sightings:

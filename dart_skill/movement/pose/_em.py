@@ -201,6 +201,7 @@ def responsibilities_by_kmeans(
 
 
 IDENTITY = np.array(UNTURNED)
+"""Orientation of the axes of the world."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,6 +33,7 @@ from dart_skill.movement.pose._manifold import (
 from dart_skill.movement.pose._rotation_vectors import bend, inverse_jacobians
 
 LOG_2PI = float(np.log(2.0 * np.pi))
+"""Logarithm of 2 pi."""
 MAX_STEPS = 100
 """Most steps of the search for the mode of a product; two to five are usual."""
 ROUNDING = 1e-11

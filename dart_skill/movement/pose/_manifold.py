@@ -26,6 +26,7 @@ LENGTH_TOLERANCE = 1e-3
 SETTLED = 1e-14
 """A mean has settled when its step is shorter than this [rad]."""
 MAX_STEPS = 100
+"""Largest number of steps to a mean."""
 LEAST_GAP = 1e-9
 """The two largest eigenvalues of the scatter of quaternions (sum 1) differ at least by this, or no
 mean is unique.

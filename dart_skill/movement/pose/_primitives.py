@@ -50,6 +50,7 @@ from dart_skill.movement.pose._rotation_vectors import (
 )
 
 TOLERANCE = (0.03, 0.1)
+"""Errors of position [m] and rotation [rad] that halve the pace."""
 BASELINE_PASSES = 8
 """Passes of the search for the mean orientation of a cycle; each makes its error smaller by the
 square of the swing.
