@@ -2,9 +2,6 @@
 cimport cython
 from libc cimport math
 
-@cython.locals(n=Py_ssize_t)
-cpdef solve_positive_definite(const double[:, :] matrix, const double[:] right)
-
 @cython.locals(n=Py_ssize_t, i=Py_ssize_t, j=Py_ssize_t, k=Py_ssize_t, rest=double)
 cpdef factor_into(const double[:, :] matrix, double[:, :] lower)
 

@@ -9,28 +9,6 @@ import math
 import numpy as np
 
 
-def solve_positive_definite(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """The solution x (n,) of matrix x = right, by Cholesky's factors.
-
-    Parameters
-    ----------
-    matrix
-        (n, n) symmetric and positive definite; its lower triangle is read.
-    right
-        (n,).
-
-    Raises
-    ------
-    ValueError
-        If the matrix is not positive definite.
-    """
-    n = len(right)
-    lower, solution = np.empty((n, n)), np.empty(n)
-    factor_into(matrix, lower)
-    solve_into(lower, right, solution)
-    return solution
-
-
 def factor_into(matrix: np.ndarray, lower: np.ndarray) -> None:
     """Write the Cholesky factor L of a matrix L L' (n, n); what is above the diagonal stays as it
     is.
