@@ -64,14 +64,6 @@ def test_the_servo_of_a_motion_that_is_fed_forward_is_stable_with_margin(joint, 
         assert np.abs(1.0 + response).min() > (0.25 if delay <= 1 else 0.0)
 
 
-def test_the_gains_of_the_second_pull_would_not_be():
-    """Damping of 88 per unit mass on a shoulder whose motor is a sixteenth of it: why such an arm
-    needs the other law.
-    """
-    damping = 88.0 * LINKS[1, 1]
-    assert encircles(loop(1, LINKS[1, 1], STIFFNESS[1], 12.5 * damping, damping, 1))
-
-
 def test_a_real_arm_follows_quietly_what_makes_the_second_pull_swing(begin, plan):  # noqa: F811
     careful = finish(begin(plan, CommanderSettings.configured(**SLOW), **REAL))
     errors = careful.during(Mode.EXECUTING, careful.errors)

@@ -5,7 +5,6 @@ always comes to the goal.
 import numpy as np
 import pytest
 
-from dart_skill.mixture import regress
 from dart_skill.movement import (
     AutonomousDSGMR,
     PhaseRule,
@@ -61,21 +60,6 @@ def test_left_alone_it_moves_as_demonstrated(policy, demonstrations):
     assert run.position[:, 0].min() < 0.7 * mean[:, 0].min() < 0.0, "it winds up"
     taken = np.interp(0.9, run.phase, run.time) - np.interp(0.2, run.phase, run.time)
     assert taken == pytest.approx(0.7, abs=0.1), "at about the demonstrated pace"
-
-
-def test_a_field_of_the_state_alone_stalls_where_the_demonstrations_rest(model, policy):
-    """Why there is a phase: plain regression of the attractor on position and velocity asks for no
-    motion at the start.
-    """
-    rest = np.array([*policy.state[0, :2], 0.0, 0.0])
-    attractor, _ = regress(
-        model.mixture_.product([lift(frame) for frame in WORLD]), rest[None], [1, 2, 3, 4], [5, 6]
-    )
-    assert np.linalg.norm(attractor[0] - rest[:2]) < 0.02
-    assert (
-        np.linalg.norm(policy.run(rest[:2], [0.0, 0.0], duration=4.0).position[-1] - policy.goal)
-        < 1e-3
-    )
 
 
 @pytest.mark.parametrize("seed", range(10))

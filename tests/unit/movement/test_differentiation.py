@@ -64,20 +64,6 @@ def test_noise_is_estimated_from_the_samples(jitter):
     assert np.mean(levels) == pytest.approx(NOISE, rel=0.05), levels
 
 
-def test_pure_noise_around_rest_shrinks_as_a_quadratic_fit_predicts():
-    """With nothing to follow the spline comes close to least squares on 3 parameters: variance
-    3/n.
-    """
-    n, trials = 120, 40
-    ratios = []
-    for seed in range(trials):
-        noise = np.random.default_rng(seed).normal(0, NOISE, (n, 3))
-        ratios.append(
-            rms(smooth_derivatives(0.01 * np.arange(n), noise, noise=NOISE).position) / NOISE
-        )
-    assert np.median(ratios) == pytest.approx(np.sqrt(3 / n), rel=0.25), np.median(ratios)
-
-
 def test_position_error_is_near_the_best_of_all_penalties(monkeypatch):
     """The chosen penalty costs at most 15 % over the one that an oracle would choose, on average."""
     chosen, oracle = [], []

@@ -122,35 +122,6 @@ def test_it_moves_by_the_equations_of_the_thesis(form):
     np.testing.assert_allclose(movement.velocity[::10], speed, atol=2e-7)
 
 
-def test_without_forcing_it_is_a_critically_damped_spring():
-    primitive = learned(goal_path="fixed").with_parameters(np.zeros(60))
-    start, goal, velocity, duration = (
-        np.array([1.0, -2.0]),
-        np.array([0.5, 3.0]),
-        np.array([2.0, 0.0]),
-        0.8,
-    )
-    times = np.linspace(0.0, 2.0, 401)
-    movement = primitive.open_loop(
-        times, primitive.begin(start, goal=goal, duration=duration, velocity=velocity)
-    )
-    wt = np.sqrt(primitive.stiffness) / duration * times[:, None]
-    expected = goal + np.exp(-wt) * ((start - goal) * (1 + wt) + velocity * times[:, None])
-    np.testing.assert_allclose(movement.position, expected, atol=1e-5)
-
-
-def test_without_forcing_the_smooth_goal_leads_along_its_path():
-    primitive = learned().with_parameters(np.zeros(60))
-    times = np.linspace(0.0, 1.5, 301)
-    movement = primitive.open_loop(
-        times, primitive.begin([1.0, -2.0], goal=[0.5, 3.0], duration=1.0, velocity=[0.0, 0.0])
-    )
-    share = BLEND(np.minimum(times, 1.0))[:, None]
-    np.testing.assert_allclose(
-        movement.position, np.array([1.0, -2.0]) + share * np.array([-0.5, 5.0]), atol=2e-6
-    )
-
-
 def measured_order(errors):
     return np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
 
@@ -168,13 +139,6 @@ def test_integration_between_irregular_stamps_is_of_fourth_order():
         times = np.interp(np.arange(30 * split + 1) / split, np.arange(31), nodes)
         errors.append(np.abs(primitive.open_loop(times, state).position[::split] - exact).max())
     assert np.abs(measured_order(errors)[1:] - 4.0).max() < 0.25, (errors, measured_order(errors))
-
-
-def test_long_steps_are_subdivided_so_that_any_rate_gives_the_same_movement():
-    primitive = learned()
-    fine = primitive.open_loop(np.linspace(0.0, 2.0, 2001)).position
-    coarse = primitive.open_loop([0.0, 1.0, 2.0]).position
-    np.testing.assert_allclose(coarse, fine[::1000], atol=2e-5)
 
 
 @pytest.mark.parametrize("form", FORMS[:-1], ids=str)

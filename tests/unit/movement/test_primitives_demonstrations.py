@@ -67,19 +67,6 @@ def test_a_weight_of_two_is_the_demonstration_twice_and_none_is_without_it(kind,
     )
 
 
-def test_samples_of_no_weight_do_not_count():
-    position, spoilt = reach(), reach()
-    spoilt[40:44] += 0.3
-    weights = np.ones(101)
-    weights[34:50] = 0.0
-    known = DiscretePrimitive(15).fit(STAMPS, spoilt, weights=weights, noise=0.0)
-    off = [
-        np.abs(primitive.open_loop(STAMPS).position - position).max()
-        for primitive in (known, DiscretePrimitive(15).fit(STAMPS, spoilt))
-    ]
-    assert off[0] < 0.02 < 0.1 < off[1], off
-
-
 def test_weights_leave_no_trace_of_their_size():
     one, other = (
         DiscretePrimitive(12).fit(
@@ -158,17 +145,6 @@ def test_fewer_samples_than_kernels_still_give_a_movement_from_start_to_goal(
     np.testing.assert_allclose(movement.position[-1], [1.0, 0.0], atol=1e-6)
     if n_samples == 20:
         np.testing.assert_allclose(primitive.open_loop(time).position, reach(0.2, time), atol=0.03)
-
-
-def test_lists_are_as_good_as_arrays():
-    path = reach()
-    one, other = (
-        DiscretePrimitive(9).fit(STAMPS, path),
-        DiscretePrimitive(9).fit(STAMPS.tolist(), path.tolist()),
-    )
-    stacked = DiscretePrimitive(9).fit(np.array([STAMPS, STAMPS]), np.array([path, path]))
-    np.testing.assert_array_equal(one.weights_, other.weights_)
-    np.testing.assert_allclose(stacked.weights_, one.weights_, rtol=1e-8, atol=1e-8)
 
 
 def test_rest_is_a_movement_too():

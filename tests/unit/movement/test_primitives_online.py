@@ -224,16 +224,6 @@ def test_a_tracking_error_of_the_tolerance_halves_the_pace_and_none_leaves_it(pr
     assert free.progress == pytest.approx(1.0) and free.pace == pytest.approx(1.0 / DURATION)
 
 
-def test_amplitude_that_changes_on_the_way_is_followed_smoothly(primitive):
-    before = execute(primitive, primitive.begin(), 0.8)[-1]
-    after = primitive.step(before, 1e-7, amplitude=3.0)
-    assert np.abs(after.acceleration - before.acceleration).max() < 1e-4
-    late = execute(primitive, after, 0.8)[-1]
-    np.testing.assert_allclose(late.amplitude, 3.0, atol=0.02)
-    usual = execute(primitive, before, 0.8)[-1]
-    assert np.abs(late.position - usual.position).max() > 0.05
-
-
 def test_steps_do_not_change_the_state_they_start_from(primitive):
     begin = primitive.begin()
     first = primitive.step(begin, 0.1, goal=[3.0, 3.0], coupling=[1.0, 1.0])

@@ -2,8 +2,6 @@
 (thesis (7.6)-(7.13)).
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -85,24 +83,6 @@ def test_it_moves_by_the_equations_of_the_thesis():
     np.testing.assert_allclose(movement.velocity[::20], exact.y[3:].T / 1.2, atol=2e-7)
 
 
-def test_open_loop_and_steps_are_of_fourth_order():
-    primitive = learned(n_basis=5)
-    state = primitive.begin([0.9, 0.2], velocity=[0.0, -1.0], period=1.0)
-    start = np.concatenate([[0.0], state.position, state.velocity])
-    exact = solve_ivp(
-        literal_rate(primitive, 1.0), (0.0, 1.6), start, method="DOP853", rtol=1e-12, atol=1e-13
-    ).y[1:3, -1]
-    errors = []
-    for step in (0.04, 0.02, 0.01, 0.005):
-        laid_out = primitive.open_loop(step * np.arange(round(1.6 / step) + 1), state).position[-1]
-        np.testing.assert_allclose(
-            execute(primitive, state, 1.6, step)[-1].position, laid_out, atol=1e-12
-        )
-        errors.append(np.abs(laid_out - exact).max())
-    order = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
-    assert np.abs(order - 4.0).max() < 0.3, (errors, order)
-
-
 @pytest.mark.parametrize("phase", [0.0, 0.31, -2.75])
 def test_limit_cycle_is_what_one_period_maps_to_itself(phase):
     primitive = learned()
@@ -173,30 +153,6 @@ def test_period_amplitude_and_baseline_that_change_on_the_way_are_followed_witho
     position, velocity = primitive.limit_cycle(last.progress, period=0.8, **changes)
     np.testing.assert_allclose(last.position, position, atol=1e-5)
     np.testing.assert_allclose(last.velocity, velocity, atol=1e-4)
-
-
-def test_pushed_it_comes_back_and_held_it_waits():
-    primitive = learned()
-    begin = execute(primitive, primitive.begin(), 0.5)[-1]
-    usual = execute(primitive, begin, 3.0)
-    pushed = execute(primitive, begin, 0.2, coupling=[20.0, 0.0])
-    assert np.abs(pushed[-1].position - usual[20].position).max() > 0.05
-    np.testing.assert_allclose(
-        execute(primitive, pushed[-1], 2.8)[-1].position, usual[-1].position, atol=1e-5
-    )
-    waiting = begin
-    for _ in range(300):
-        waiting = primitive.step(
-            waiting, 0.01, tracking_error=begin.position - waiting.position, tolerance=0.01
-        )
-    assert waiting.progress - begin.progress < 0.15
-    np.testing.assert_allclose(
-        waiting.position, primitive.limit_cycle(waiting.progress)[0], atol=1e-5
-    )
-    off = replace(begin, position=begin.position + 1.0)
-    np.testing.assert_allclose(
-        execute(primitive, off, 3.0)[-1].position, usual[-1].position, atol=1e-5
-    )
 
 
 @pytest.mark.parametrize("n_periods", [1.6, 2.0, 3.7, 11.0])

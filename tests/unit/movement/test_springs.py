@@ -10,7 +10,6 @@ from dart_skill.movement import (
     SpringMixture,
     attractor_from_motion,
     follow_attractor,
-    smooth_derivatives,
 )
 
 TIME = np.arange(0.0, 1.2, 0.01)
@@ -97,34 +96,6 @@ def test_springs_of_one_stiffness_follow_the_blend_of_their_centres(timing):
     made = alike.follow(TIME, [0.0, 0.0], [0.0, 0.0])
     np.testing.assert_allclose(made.position, exact.position[::100], atol=1e-6)
     np.testing.assert_allclose(alike.attractor(TIME, made.position, 200.0), blend, atol=1e-12)
-
-
-def letter(rng, noise=0.0005):
-    s = TIME / TIME[-1]
-    share = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-    path = np.column_stack(
-        [0.3 * share + 0.1 * np.sin(2 * np.pi * share), 0.15 * np.sin(3 * np.pi * share)]
-    )
-    return path * rng.uniform(0.95, 1.05) + rng.normal(0.0, noise, path.shape)
-
-
-def distance(motions, n, bounds):
-    """How far the springs lead from the mean of what was shown, at most [m]."""
-    found = SpringMixture.fit([TIME] * len(motions), motions, n, bounds=bounds)
-    gains = np.linalg.eigvalsh(found.stiffness)
-    assert gains.min() >= bounds[0] * (1 - 1e-9) and gains.max() <= bounds[1] * (1 + 1e-9)
-    mean = np.mean([motion.position for motion in motions], axis=0)
-    made = found.follow(TIME, mean[0], np.mean([motion.velocity[0] for motion in motions], axis=0))
-    return np.linalg.norm(made.position - mean, axis=1).max()
-
-
-def test_more_springs_follow_what_was_shown_nearer_and_a_stiffness_of_their_own_helps():
-    rng = np.random.default_rng(3)
-    motions = [smooth_derivatives(TIME, letter(rng)) for _ in range(6)]
-    own = [distance(motions, n, (50.0, 1000.0)) for n in (3, 6, 12, 24)]
-    alike = [distance(motions, n, (200.0, 200.0)) for n in (6, 12)]
-    assert own == sorted(own, reverse=True) and own[-1] < 0.004
-    assert own[1] < 0.6 * alike[0] and own[2] < 0.6 * alike[1]
 
 
 def test_where_nothing_tells_the_stiffness_it_is_the_usual_one():

@@ -169,19 +169,6 @@ def test_a_gaussian_comes_from_the_samples_that_its_frame_saw():
             )
 
 
-def test_every_iteration_raises_the_likelihood_with_frames_missing():
-    samples, frames = taught()
-    gappy, _ = with_gaps(samples, frames)
-    options = dict(start="kmeans", tolerance=0.0)
-    history = [
-        TaskParameterisedMixture(4, max_iterations=n, **options)
-        .fit(samples, gappy, rng=np.random.default_rng(5))
-        .log_likelihood_
-        for n in (1, 2, 3, 5, 8, 13, 40)
-    ]
-    assert np.diff(history).min() > -1e-8 and history[-1] > history[0] + 1.0, history
-
-
 def test_a_component_that_a_frame_never_sees_is_as_wide_there_as_all_that_it_saw():
     samples, frames = taught()
     late = [[None if u < 0.6 else goal for u in STEPS] for _, goal in frames]

@@ -179,20 +179,6 @@ def test_kmeans_start_finds_components_that_mean_the_same_in_all_frames():
     np.testing.assert_allclose(model.means_[0, :, 0], model.means_[1, :, 0], rtol=1e-9)
 
 
-def test_a_single_demonstration_is_followed_from_noisy_positions():
-    """Encode, fit, retrieve and execute: within millimetres of the motion that was shown."""
-    time = 0.01 * np.arange(120)
-    u = time / time[-1]
-    path = np.stack([u**3 * (10 - 15 * u + 6 * u * u), 0.3 * np.sin(np.pi * u) ** 2], 1)
-    model = DSGMR(8, stiffness=200.0)
-    attractor = model.encode(
-        time, path + np.random.default_rng(0).normal(0, 1e-4, path.shape), noise=1e-4
-    )
-    frame = [TaskFrame(np.eye(3), np.zeros(3))]
-    plan = model.fit([attractor], [frame]).reproduce(frame, time, path[0], [0.0, 0.0])
-    assert np.abs(plan.position - path).max() < 0.01, np.abs(plan.position - path).max()
-
-
 def test_encode_resamples_onto_the_grid_asked_for():
     time = 0.01 * np.arange(50)
     grid = np.linspace(0.1, 0.3, 11)

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation, Slerp
 from dart_skill.movement import (
     DSGMR,
     TaskFrame,
-    angular_velocity,
     attractor_from_motion,
     smooth_derivatives,
 )
@@ -61,21 +60,6 @@ def test_motion_of_a_constant_turn_is_exact():
         motion.velocity, np.tile([1.0, 2.0, 3.0, *rate], (101, 1)), atol=1e-7
     )
     np.testing.assert_allclose(motion.acceleration, 0.0, atol=1e-5)
-
-
-def test_velocity_is_that_of_the_differences_and_acceleration_that_of_the_velocity(rng):
-    fine = np.linspace(0.0, 1.0, 2001)
-    path = np.array([np.interp(fine, TIME, column) for column in np.zeros((7, 101))]).T
-    path[:, 3:] = (
-        Rotation.from_rotvec(np.column_stack([2.0 * np.sin(3 * fine), fine**2, 4.0 * fine]))
-    ).as_quat()
-    motion = pose_motion(fine, path, noise=[0.0, 0.0])
-    np.testing.assert_allclose(
-        motion.velocity[5:-5, 3:], angular_velocity(fine, path[:, 3:])[5:-5], atol=2e-5
-    )
-    np.testing.assert_allclose(
-        np.gradient(motion.velocity, fine, axis=0)[5:-5], motion.acceleration[5:-5], atol=2e-4
-    )
 
 
 def test_noise_is_smoothed_and_signs_do_not_matter(rng):

@@ -243,20 +243,6 @@ def test_turning_the_demonstration_turns_the_movement_and_signs_do_not_matter(rn
         np.testing.assert_allclose(other.velocity, one.velocity @ blocks(rotation).T, atol=1e-8)
 
 
-def test_several_demonstrations_with_noise_give_one_movement(rng):
-    poses = turn_by(200.0, rng)
-    shown = []
-    for _ in range(5):
-        noise = np.column_stack(
-            [rng.normal(0.0, 0.001, (201, 3)), rng.normal(0.0, 0.01, (201, 3))]
-        )
-        shown.append(exponential(flipped(poses, rng), noise))
-    primitive = DiscretePosePrimitive(20).fit([TIME] * 5, shown, weights=[1.0, 1.0, 1.0, 1.0, 0.5])
-    made = primitive.open_loop(TIME)
-    assert np.degrees(angles_between(made.pose, poses).max()) < 1.5
-    assert np.abs(made.pose[:, :3] - poses[:, :3]).max() < 0.003
-
-
 def test_a_push_moves_the_hand_and_a_tracking_error_makes_it_wait(rng):
     for primitive in (
         DiscretePosePrimitive(25).fit(TIME, turn_by(100.0, rng)),
@@ -406,23 +392,6 @@ def test_another_baseline_carries_the_cycle_along_smoothly(rng):
     np.testing.assert_allclose(
         turns, 0.5 * (rates[1:, 3:] + rates[:-1, 3:]), atol=0.05 * np.abs(rates).max()
     )
-
-
-def test_another_period_and_amplitude_come_smoothly(rng):
-    primitive = RhythmicPosePrimitive(30).fit(CIRCLES, stirring(rng))
-    states = stepped(
-        primitive,
-        primitive.begin(),
-        200,
-        0.02,
-        period=2.0,
-        amplitude=[1.0, 1.0, 1.0, 0.5, 0.5, 0.5],
-    )
-    wanted = primitive.limit_cycle(
-        states[-1].progress, period=2.0, amplitude=[1.0, 1.0, 1.0, 0.5, 0.5, 0.5]
-    )
-    assert np.degrees(angles_between(states[-1].pose, wanted[0])) < 0.1
-    assert states[-1].pace == pytest.approx(0.5, abs=1e-6)
 
 
 def test_from_another_start_the_cycle_is_reached(rng):
