@@ -242,7 +242,7 @@ SOLID = np.tile(100.0 * np.eye(3), (len(TIME), 1, 1))
             lambda: along_x(pace=Pace(np.zeros((5, 12)))),
             "plan.pace.gain has 5 entries, the path 201 instants",
         ),
-        (lambda: Pace(np.zeros((5, 11))), r"must be \(n, 12\)"),
+        (lambda: Pace(np.zeros((5, 11))), r"must be \("),
         (lambda: Pace(np.full((5, 12), np.inf)), "not finite"),
         (
             lambda: along_x(position_gains=GainsOverTime(SOLID[:7], SOLID[:7])),
@@ -257,7 +257,7 @@ SOLID = np.tile(100.0 * np.eye(3), (len(TIME), 1, 1))
             lambda: GainsOverTime(SOLID + np.eye(3)[0] * np.ones((3, 1)) * 50, SOLID),
             "not symmetric",
         ),
-        (lambda: GainsOverTime(SOLID[:, :2, :2], SOLID), r"must be \(n, 3, 3\)"),
+        (lambda: GainsOverTime(SOLID[:, :2, :2], SOLID), r"must be \("),
         (lambda: PhaseRule(ignored=-0.1), "ignored"),
     ],
 )
