@@ -52,12 +52,6 @@ is [s].
 """
 
 
-STAYS_STOPPED = (
-    "the arm is {}, and stays so until it is reset: look at it, then call /commander/reset"
-)
-"""Answer to who would move an arm that is stopped, with the reason."""
-
-
 class Mode(Enum):
     """What the commander is doing."""
 
@@ -219,7 +213,7 @@ class Commander:
     def check_free_to_move(self) -> None:
         """PlanRefused while the arm is stopped until a reset, or released."""
         if self.stopped_by:
-            raise PlanRefused(STAYS_STOPPED.format(self.stopped_by))
+            raise stays_stopped(self.stopped_by)
         if self.mode == Mode.FREE:
             raise PlanRefused(
                 "the arm is released, and a person may hold it: hold it first (~/release_arm with"
@@ -270,7 +264,7 @@ class Commander:
                 " released (~/stop)"
             )
         if free and self.stopped_by:
-            raise PlanRefused(STAYS_STOPPED.format(self.stopped_by))
+            raise stays_stopped(self.stopped_by)
         self.mode, self._hold, self._found = (Mode.FREE if free else Mode.HOLDING), None, False
 
     @property
@@ -462,6 +456,14 @@ class Commander:
     def _enter(self, mode: Mode, state: ArmState) -> None:
         self._braking = None
         self.mode, self._entered_ns, self.time = mode, state.stamp_ns, 0.0
+
+
+def stays_stopped(reason: str) -> PlanRefused:
+    """Answer to a call that would move an arm that is stopped."""
+    return PlanRefused(
+        f"the arm is {reason}, and stays so until it is reset: look at it, then call"
+        " /commander/reset"
+    )
 
 
 def limit_broken(

@@ -96,8 +96,8 @@ class HandPull:
         """
         arm, q, qd = self._arms[now.carries], state.position.copy(), np.zeros(N_JOINTS)
         if self._expected is not None:  # else the motion begins at rest where the arm is
-            *motion, then = self._expected
-            q, qd = coasted(*motion, time - then)
+            q, qd, qdd, then = self._expected
+            q, qd = coasted(q, qd, qdd, time - then)
             if careful:
                 self._taken_out = self._servo.take_out(
                     self._taken_out, state.position, q, time - then

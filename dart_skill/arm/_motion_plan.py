@@ -74,7 +74,7 @@ class GainsOverTime:
     def __post_init__(self) -> None:
         for name in ("stiffness", "damping"):
             value = np.asarray(getattr(self, name), dtype=float)
-            check_shapes("gains", self, {name: (len(value), 3, 3)})
+            check_shapes("gains", self, {name: (*value.shape[:1], 3, 3)})
             if np.abs(value - np.swapaxes(value, 1, 2)).max() > AGREE * np.abs(value).max():
                 raise ValueError(f"{name} holds a matrix that is not symmetric")
             if (least := float(np.linalg.eigvalsh(value).min())) <= 0.0:
@@ -105,9 +105,8 @@ class HandPath:
 
     def __post_init__(self) -> None:
         n = len(self.time)
-        shapes = {"position": (n, 3), "quaternion": (n, 4)}
-        shapes |= {"time": (n,), "velocity": (n, 6), "acceleration": (n, 6)}
-        check_shapes("path", self, shapes)
+        check_shapes("path", self, {"time": (n,), "position": (n, 3), "quaternion": (n, 4)})
+        check_shapes("path", self, {"velocity": (n, 6), "acceleration": (n, 6)})
         if n < 2 or abs(self.time[0]) > 1e-9 or (np.diff(self.time) <= 0).any():
             raise ValueError("path.time must hold at least two increasing instants, from 0 on")
         check_unit("path.quaternion", self.quaternion)
@@ -179,7 +178,7 @@ class Pace:
     rule: PhaseRule = ON_AN_ARM
 
     def __post_init__(self) -> None:
-        check_shapes("pace", self, {"gain": (len(self.gain), 12)})
+        check_shapes("pace", self, {"gain": (*np.shape(self.gain)[:1], 12)})
 
 
 @dataclass(frozen=True, eq=False)

@@ -374,8 +374,8 @@ def fit_flights(
     slopes = np.empty((w, 6, n, 3))  # a flight that begins elsewhere is the same flight there
     slopes[:, :3] = np.eye(3)[:, None]
     slopes[:, 3:] = (probed[:, 1:] - probed[:, :1]) / PROBE
-    slopes = slopes.reshape(w, 6, 3 * n)
-    solve = np.linalg.solve(slopes @ slopes.swapaxes(1, 2), slopes)
+    flat = slopes.reshape(w, 6, 3 * n)
+    solve = np.linalg.solve(flat @ flat.swapaxes(1, 2), flat)
     left = position - probed[:, 0]
     for _ in range(MOST_REPETITIONS):
         change = (solve @ left.reshape(w, 3 * n, 1)).reshape(w, 2, 3)

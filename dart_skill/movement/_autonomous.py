@@ -723,6 +723,11 @@ def lift(frame: TaskFrame | MovingFrame, n_inputs: int = 0) -> TaskFrame:
     ----------
     n_inputs
         Number of further inputs u after time.
+
+    Raises
+    ------
+    ValueError
+        For a frame that mixes time or inputs with movement variables.
     """
     first = 1 + n_inputs
     if isinstance(frame, MovingFrame):

@@ -212,7 +212,8 @@ class TaskSamples:
                     f"demonstration {i} has {world.shape[1]} columns, the first has"
                     f" {worlds[0].shape[1]}"
                 )
-        rows, moment = [], []
+        rows: list = []
+        moment: list = []
         n_frames = len(frames[0]) if n_dims is None else len(n_dims)
         for i, (courses, world) in enumerate(zip(frames, worlds, strict=True)):
             own = moments_of(

@@ -254,7 +254,9 @@ class Primitive(SavableModel):
         motion = _timed(pace[-1:], change[-1:], *(rows[-1:] for rows in path))
         goal, amplitude = self._settled(state, made[-1:, None])
         return PrimitiveState(
-            *(rows[0] for rows in motion),
+            motion.position[0],
+            motion.velocity[0],
+            motion.acceleration[0],
             self._wrapped(state.progress + float(made[-1])),
             float(pace[-1]),
             goal[0],
