@@ -19,6 +19,7 @@ from dart_skill.arm import (
     HandPath,
     HeldCommand,
     Mode,
+    MotionPlan,
     PlanRefused,
     Registration,
     Speed,
@@ -722,3 +723,26 @@ def test_the_arm_does_what_cameras_of_another_world_shall_see(begin, plan, law):
     planned = np.array([np.interp(when, path.time, axis) for axis in path.position.T])
     np.testing.assert_allclose(turn.apply(released) + [0.0, 0.0, 0.02], planned, atol=0.012)
     assert np.linalg.norm(released - planned) > 0.018
+
+
+@pytest.mark.parametrize(("speed", "grows"), [(Speed.CAREFUL, -0.36), (Speed.THROW, 0.0)])
+def test_only_a_careful_motion_takes_out_what_is_left_of_its_distance(speed, grows):
+    """At 0.5 of the servo's 360 N m/rad per second, for 0.2 s, of 0.01 rad at J1."""
+    position, rotation = MODEL.hand_pose(REST)
+    places, turns = (
+        np.tile(position, (3, 1)),
+        np.tile(Rotation.from_matrix(rotation).as_quat(), (3, 1)),
+    )
+    path = HandPath(np.arange(3.0), places, turns, np.zeros((3, 6)), np.zeros((3, 6)))
+    gains = Gains.critical(200.0)
+    commander, stamp = Commander(CommanderSettings.configured(tracking="joints")), 0
+    commander.step(at(stamp))
+    commander.execute(MotionPlan(path, places, turns, gains, gains, REST, 2.0, speed=speed))
+    while commander.mode != Mode.EXECUTING:
+        stamp += PERIOD
+        commander.step(at(stamp))
+    aside = REST + 0.01 * (np.arange(7) == 0)
+    torques = [
+        commander.step(at(stamp + k * PERIOD, aside)).joint_torque[0] for k in range(1, 102)
+    ]
+    assert torques[-1] - torques[0] == pytest.approx(grows, abs=0.02)
