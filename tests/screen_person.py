@@ -13,7 +13,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.common.situation import Pose
 from dart_skill.common.world import pose_topic
-from dart_skill.view._holding_controls import TURN_BY
+from dart_skill.view import TURN_BY
 from dart_skill_nodes.comms import conversions
 from tests.integration.browser import project
 from tests.integration.conftest import wait_for

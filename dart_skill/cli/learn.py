@@ -106,12 +106,12 @@ def _learn(options: argparse.Namespace) -> int:
             "--demonstrations-topic takes the demonstrations as they are: leave out --mapping and"
             " --with-throws"
         )
-    output = options.output or _file_for(options.bag)
+    output = options.output or file_for(options.bag)
     if output.exists():
         raise ValueError(f"{output} exists already: name another file with --output")
     if is_dataset(options.bag):
         return _learn_dataset(options, output)
-    settle_mapping(options, options.bag, _file_for(options.bag).stem.removesuffix("_model"))
+    settle_mapping(options, options.bag, file_for(options.bag).stem.removesuffix("_model"))
     if not options.mapping:
         kind = load_skill(skill_of(options.bag))
         if options.demonstrations_topic or not kind.cuts_itself:
@@ -136,7 +136,7 @@ def _learn(options: argparse.Namespace) -> int:
     return 0
 
 
-def _file_for(bag: Path) -> Path:
+def file_for(bag: Path) -> Path:
     """Where a model goes that was learned from a bag: by its name, or by that of its folder, as
     the bag of each demo is called `bag`.
     """

@@ -4,12 +4,17 @@ from dart_skill.view._foxglove_server import serve_bag as serve_bag
 from dart_skill.view._held_hand import HeldHand as HeldHand
 from dart_skill.view._held_hand import how_far as how_far
 from dart_skill.view._held_hand import turned as turned
+from dart_skill.view._holding_controls import TURN_BY as TURN_BY
 from dart_skill.view._holding_controls import DemonstrationRow as DemonstrationRow
 from dart_skill.view._panel import Knob as Knob
 from dart_skill.view._panel import NodeStatus as NodeStatus
 from dart_skill.view._panel import Panel as Panel
 from dart_skill.view._panel import Request as Request
 from dart_skill.view._panel import legend as legend
+from dart_skill.view._scene import EYE as EYE
+from dart_skill.view._scene import FIELD_OF_VIEW as FIELD_OF_VIEW
+from dart_skill.view._scene import LOOK_AT as LOOK_AT
+from dart_skill.view._scene import NEAR as NEAR
 from dart_skill.view._scene import Scene as Scene
 from dart_skill.view._scene_camera import SceneCamera as SceneCamera
 from dart_skill.view._server import ViewUnavailable as ViewUnavailable

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dart_skill.view._scene import FIELD_OF_VIEW
+from dart_skill.view import FIELD_OF_VIEW
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 OPTIONS = (

@@ -650,7 +650,7 @@ TYPED = {
         "unit/experiments/test_practice.py::test_rows_of_methods_demonstrations_and_changes_are_kept_apart"
     ),
     "dart-skill experiment practice --changes slower_hand,friction,base_turned,heavier_ball,weaker_motors --throws 10 --tested-after 0,1,2,5,10 --tests 4 --seeds 20 --configuration intervals": Elsewhere(
-        "unit/experiments/test_practice.py::test_the_command_prints_the_table_and_draws_a_figure_per_change"
+        "unit/experiments/test_practice.py::test_the_command_prints_the_table"
     ),
     "dart-skill experiment darts --seed 0 --throws 300 --output figures --configuration intervals": Run(
         "--throws 2 --demonstrations 3", says="throws +across", leaves="figures/*.svg", slow=True
@@ -671,7 +671,7 @@ TYPED = {
         "unit/experiments/test_thesis.py::test_more_gaussians_model_a_landscape_better_but_one_says_less_than_none"
     ),
     "dart-skill experiment figure regrets": Elsewhere(
-        "unit/experiments/test_thesis.py::test_the_picture_of_regrets_comes_with_its_table_and_runs_are_not_run_again"
+        "unit/experiments/test_thesis.py::test_regrets_come_with_their_table_and_runs_are_not_run_again"
     ),
     **dict.fromkeys(
         (

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.common.situation import Situation
 from dart_skill.skills.protocol import load_skill
-from dart_skill.view._scene import NEAR
+from dart_skill.view import NEAR
 from dart_skill_nodes.comms import conversions
 from tests.integration.browser import SMALL, Page, needs_chromium
 from tests.integration.conftest import catch_up, graphs, wait_for

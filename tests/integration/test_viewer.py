@@ -21,7 +21,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from dart_skill.common import palette
 from dart_skill.common.regions import targets_for
 from dart_skill.common.world import ROLES
-from dart_skill.view._scene import EYE, LOOK_AT
+from dart_skill.view import EYE, LOOK_AT
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.for_viewers import ellipsoids
 from dart_skill_nodes.comms.raw_batches import poses_of

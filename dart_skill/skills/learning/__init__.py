@@ -1,5 +1,6 @@
 """From demonstrations to a model, and from a situation to a plan."""
 
+from dart_skill.skills.learning._ball_path import ball_states
 from dart_skill.skills.learning._coverage import Coverage
 from dart_skill.skills.learning._ellipsoids import component_ellipsoids
 from dart_skill.skills.learning._first_aim import FirstAim
@@ -66,6 +67,7 @@ from dart_skill.skills.protocol import (
 )
 
 __all__ = [
+    "ball_states",
     "credence_of",
     "SIDE_MARGIN",
     "REACH_MARGIN",

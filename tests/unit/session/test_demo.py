@@ -86,7 +86,7 @@ def test_what_fails_is_said_in_a_line(tmp_path, capsys):
     assert said[-1].startswith("the demo failed: ") and "coach" in said[-1]
 
 
-@pytest.mark.parametrize("differs", [{"world": "kitchen"}, {"reacts": True}])
+@pytest.mark.parametrize("differs", [{"world": "kitchen"}, {"told_by": "darts"}])
 def test_a_skill_that_has_no_world_in_process_needs_the_graph(job, differs):
     skill = type("Press", (Skill,), {"name": "press", **differs})()
     with pytest.raises(ValueError, match="'press' needs the graph"):

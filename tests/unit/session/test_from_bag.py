@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import same_plan
 from dart_skill.cli import main
-from dart_skill.cli.learn import _file_for, add_to
+from dart_skill.cli.learn import add_to, file_for
 from dart_skill.recording import (
     MARK_TOPIC,
     MARK_TYPE,
@@ -559,7 +559,7 @@ def test_the_command_overwrites_nothing(tmp_path, recorded_session):
 ])  # fmt: skip
 def test_models_of_two_demos_have_two_names(bag, file, tmp_path):
     """The bag of each demo is called `bag`, and the second model was refused."""
-    assert str(_file_for(tmp_path / bag)) == file
+    assert str(file_for(tmp_path / bag)) == file
 
 
 # finding throws while they are made

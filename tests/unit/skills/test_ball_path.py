@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dart_skill.skills.learning import _ball_path
+from dart_skill.skills.learning import ball_states
 
 AZIMUTH, ROLL, CENTRE = 0.7, -0.3, np.array([0.01, -0.02, 0.12])
 
@@ -23,12 +23,12 @@ def hand_at(position):
 def test_the_ball_is_at_its_seat_in_the_hand_and_moves_with_it():
     time, step = np.linspace(0.0, 1.0, 11), 1e-5
     position, velocity = movement(time)
-    places, speeds = _ball_path.ball_states(position, velocity, AZIMUTH, ROLL, CENTRE)
+    places, speeds = ball_states(position, velocity, AZIMUTH, ROLL, CENTRE)
     np.testing.assert_allclose(
         places, position[:, :3] + hand_at(position).apply(CENTRE), atol=1e-14
     )
     before, after = (
-        _ball_path.ball_states(*movement(time + late), AZIMUTH, ROLL, CENTRE)[0]
+        ball_states(*movement(time + late), AZIMUTH, ROLL, CENTRE)[0]
         for late in (-step, step)
     )
     np.testing.assert_allclose(speeds, (after - before) / (2.0 * step), atol=1e-8)

@@ -18,7 +18,6 @@ from dart_skill.common.situation import Situation
 from dart_skill.skills.learning import (
     CONFIGURATIONS,
     DEFAULT,
-    _model_file,
     configuration,
     learn_throwing,
     load_model,
@@ -201,7 +200,7 @@ def test_a_full_disk_leaves_no_half_a_model(tmp_path, demonstrations, monkeypatc
         file.write(b"PK half a model")
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(_model_file.np, "savez_compressed", full)
+    monkeypatch.setattr(np, "savez_compressed", full)
     with pytest.raises(OSError, match="No space left"):
         save_model(tmp_path / "throw.npz", demonstrations, DEFAULT)
     assert not list(tmp_path.iterdir())

@@ -18,9 +18,9 @@ from dart_skill.arm import (
     PlanRefused,
     Registration,
     ThrowPlan,
+    check_plan,
     wam_description,
 )
-from dart_skill.arm._commander import check_plan
 from dart_skill.common.flight import DART, TENNIS_BALL, crossing, landing
 from dart_skill.common.surface import BASKETS, RIMS, BoardFace, Game, game_at
 from dart_skill.skills.learning import (

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import ArmModel, CommanderSettings, same_plan, wam_description
-from dart_skill.arm._commander import check_plan
+from dart_skill.arm import ArmModel, CommanderSettings, check_plan, same_plan, wam_description
 from dart_skill.common.flight import landing
 from dart_skill.movement import azimuth_frame, azimuth_of, azimuth_target_frame
 from dart_skill.recording import Demonstration
