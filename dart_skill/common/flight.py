@@ -4,11 +4,13 @@
 
 Everything takes any number of throws and instants. The equation is integrated with classical
 Runge-Kutta steps in which drag takes no more than a hundredth of the speed, and of at most 100 ms:
-for a tennis ball the result is exact to a micrometre after 1.2 s.
+for a tennis ball the result is exact to a micrometre after 1.2 s. The loops over flights are in
+`flight_steps`.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -16,23 +18,11 @@ import numpy as np
 
 from dart_skill.common.checks import check_samples
 from dart_skill.common.constants import AIR_DENSITY, GRAVITY
+from dart_skill.common.flight_steps import cross, fit, fit_together, fly, lines
+from dart_skill.common.flight_steps import may_fly as steps_may_fly
 from dart_skill.common.world import the_world
 
 UP = np.array([0.0, 0.0, 1.0])
-MAX_STEP = 0.1
-"""Longest step of the integration [s]."""
-MAX_LOSS = 0.01
-"""Largest share of the speed that drag takes in a step."""
-PROBE = 1e-4
-"""Difference of velocity with which the sensitivity of a flight is found [m/s]."""
-MOST_CORRECTIONS = 12
-"""Largest number of corrections of the instant of a crossing."""
-CLOSE = 1e-12
-"""Correction of the instant of a crossing below which it is the last [s]."""
-CROSSED = 1e-6
-"""Largest distance from the plane of a ball that crosses it [m]."""
-MOST_REPETITIONS = 30
-"""Largest number of repetitions of a fit."""
 
 
 @dataclass(frozen=True)
@@ -152,14 +142,27 @@ class FlightFit:
         ValueError
             For one that is not finite.
         """
-        return np.concatenate(self.at(np.array([time])))
+        if time == self.time:
+            return np.stack([self.position, self.velocity])
+        if not math.isfinite(time):
+            raise ValueError(f"time of a flight is {time}: it must be finite")
+        states = fly(
+            self.position[None],
+            self.velocity[None],
+            np.array([[time - self.time]]),
+            self.ball.drag,
+            self.ball.gravity,
+        )
+        return np.concatenate(states)[:, 0]
 
 
 def acceleration(velocity: np.ndarray, ball: Ball = TENNIS_BALL) -> np.ndarray:
     """Acceleration (..., 3) [m/s^2] of a ball that flies with `velocity` (..., 3)."""
     velocity = np.asarray(velocity, dtype=float)
-    speed = np.sqrt(np.einsum("...i,...i->...", velocity, velocity))[..., None]
-    return -ball.drag * speed * velocity - ball.gravity * UP
+    return (
+        -ball.drag * np.linalg.norm(velocity, axis=-1, keepdims=True) * velocity
+        - ball.gravity * UP
+    )
 
 
 def flight(
@@ -172,8 +175,6 @@ def flight(
     ----------
     position, velocity
         (..., 3) at time 0, world frame, Z up.
-    times
-        (n_times,), of all balls.
 
     Raises
     ------
@@ -186,38 +187,11 @@ def flight(
         raise ValueError(
             f"times of a flight must be a finite (n,) array, got shape {times.shape}: {times}"
         )
-    return _fly(position, velocity, times.reshape(-1, *[1] * (position.ndim - 1)), ball)
-
-
-def _fly(
-    position: np.ndarray, velocity: np.ndarray, time: np.ndarray, ball: Ball
-) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and velocities (..., 3) of flights at times (...), with states (..., 3) at time 0;
-    leading shapes are broadcast. All make as many equal steps as the longest flight needs.
-    """
-    shape = np.broadcast_shapes(position.shape, velocity.shape, (*time.shape, 3))
-    position, velocity = np.broadcast_to(position, shape), np.broadcast_to(velocity, shape)
-    fastest = np.linalg.norm(velocity, axis=-1).max(initial=0.0)
-    longest_step = min(MAX_STEP, MAX_LOSS / max(ball.drag * fastest, 1e-12))
-    n_steps = max(1, int(np.ceil(np.abs(time).max(initial=0.0) / longest_step)))
-    for _ in range(n_steps):
-        position, velocity = _moved_on(position, velocity, time / n_steps, ball)
-    return position, velocity
-
-
-def _moved_on(
-    position: np.ndarray, velocity: np.ndarray, step: np.ndarray, ball: Ball
-) -> tuple[np.ndarray, np.ndarray]:
-    """States (..., 3) a step (...) [s] later, by the classical method of Runge and Kutta."""
-    h = step[..., None]
-    first = acceleration(velocity, ball)
-    second = acceleration(velocity + 0.5 * h * first, ball)
-    third = acceleration(velocity + 0.5 * h * second, ball)
-    last = acceleration(velocity + h * third, ball)
-    return (
-        position + h * (velocity + h / 6.0 * (first + second + third)),
-        velocity + h / 6.0 * (first + 2.0 * (second + third) + last),
-    )
+    starts, speeds = position.reshape(-1, 3), velocity.reshape(-1, 3)
+    each = times[None] if len(starts) == 1 else np.broadcast_to(times, (len(starts), len(times)))
+    points, rates = fly(starts, speeds, each, ball.drag, ball.gravity)
+    shape = times.shape + position.shape
+    return points.swapaxes(0, 1).reshape(shape), rates.swapaxes(0, 1).reshape(shape)
 
 
 def landing(
@@ -287,26 +261,21 @@ def _crossing(
     ball: Ball,
 ) -> Landing:
     """Where balls (..., 3) cross planes normal . p = offset (...) against their normal; time (...)
-    is that of the flight in vacuum, from which Newton's iteration on the height begins.
+    is that of the flight in vacuum.
     """
-    instant = np.where(time >= 0.0, time, 0.0)
-    place, speed = _fly(position, velocity, instant, ball)
-    for _ in range(MOST_CORRECTIONS):
-        rate = speed @ normal
-        step = (offset - place @ normal) / np.where(rate < 0.0, rate, np.nan)
-        step = np.clip(np.where(rate < 0.0, step, MAX_STEP), -MAX_STEP, MAX_STEP)
-        if np.abs(step).max(initial=0.0) < CLOSE:
-            break
-        place, speed = _moved_on(place, speed, step, ball)
-        instant = instant + step
-    crosses = (
-        (time >= 0.0)
-        & (np.abs(place @ normal - offset) < CROSSED)
-        & (speed @ normal < 0.0)
-        & (instant >= 0.0)
+    shape = time.shape
+    if position.shape[:-1] != shape:
+        position, velocity = (
+            np.broadcast_to(position, (*shape, 3)),
+            np.broadcast_to(velocity, (*shape, 3)),
+        )
+    if offset.shape != shape:
+        offset = np.broadcast_to(offset, shape)
+    starts, speeds = position.reshape(-1, 3), velocity.reshape(-1, 3)
+    points, rates, times = cross(
+        starts, speeds, time.reshape(-1), normal, offset.reshape(-1), ball.drag, ball.gravity
     )
-    place, speed = (np.where(crosses[..., None], part, np.nan) for part in (place, speed))
-    return Landing(place, speed, np.where(crosses, instant, np.nan))
+    return Landing(points.reshape(*shape, 3), rates.reshape(*shape, 3), times.reshape(shape))
 
 
 def fit_flight(
@@ -353,8 +322,11 @@ def fit_flights(
     """Fits w flights to n samples each: positions and velocities (w, 3) at time 0, misfits (w, n)
     [m].
 
-    The method of Gauss and Newton, with one sensitivity of the flights for all repetitions: drag
-    changes it little.
+    In vacuum the fit is linear in the state. Drag moves the samples of a known flight by a known
+    amount, so that the linear fit is repeated on samples from which the drag of the last flight is
+    taken away; each repetition shrinks the error by about k |v| t (a tenth). A single flight,
+    which may be long, is fitted with its sensitivity to the state instead, drag included: one or
+    two repetitions.
 
     Parameters
     ----------
@@ -362,51 +334,24 @@ def fit_flights(
     position : (w, n, 3) [m]
         Trusted to be valid.
     first : (w, 2, 3)
-        Positions and velocities to begin with, default those of the flights in vacuum that fit
-        best.
+        Positions and velocities to begin with.
     accuracy : [m]
         A repetition that moves no sample by more is the last.
     """
-    state = _lines(time, position, ball) if first is None else first
-    w, n = time.shape
-    probes = state[:, 1, None] + np.concatenate([np.zeros((1, 3)), PROBE * np.eye(3)])
-    probed = _fly(state[:, 0, None, None], probes[:, :, None], time[:, None], ball)[0]
-    slopes = np.empty((w, 6, n, 3))  # a flight that begins elsewhere is the same flight there
-    slopes[:, :3] = np.eye(3)[:, None]
-    slopes[:, 3:] = (probed[:, 1:] - probed[:, :1]) / PROBE
-    flat = slopes.reshape(w, 6, 3 * n)
-    solve = np.linalg.solve(flat @ flat.swapaxes(1, 2), flat)
-    left = position - probed[:, 0]
-    for _ in range(MOST_REPETITIONS):
-        change = (solve @ left.reshape(w, 3 * n, 1)).reshape(w, 2, 3)
-        state = state + change
-        left = position - _fly(state[:, 0, None], state[:, 1, None], time, ball)[0]
-        moves = np.abs(change[:, 0]).max() + np.abs(time).max() * np.abs(change[:, 1]).max()
-        if moves < accuracy:
-            break
-    return state[:, 0], state[:, 1], np.linalg.norm(left, axis=-1)
-
-
-def _lines(time: np.ndarray, position: np.ndarray, ball: Ball) -> np.ndarray:
-    """States (w, 2, 3) at time 0 of the flights in vacuum that fit samples (w, n, 3) at times
-    (w, n) best: lines, but for gravity.
-    """
-    lifted = position + 0.5 * ball.gravity * np.square(time)[..., None] * UP
-    middle = time.mean(axis=1, keepdims=True)
-    since = time - middle
-    slope = np.einsum("wn,wnd->wd", since, lifted) / np.square(since).sum(axis=1, keepdims=True)
-    return np.stack([lifted.mean(axis=1) - middle * slope, slope], axis=1)
+    state = lines(time, position, ball.gravity) if first is None else first
+    if len(time) == 1:
+        found, distances = fit(time[0], position[0], state[0], ball.drag, ball.gravity, accuracy)
+        return found[:1], found[1:], distances[None]
+    found, distances = fit_together(time, position, state, ball.drag, ball.gravity, accuracy)
+    return found[:, 0], found[:, 1], distances
 
 
 def may_fly(
     time: np.ndarray, position: np.ndarray, tolerance: float, ball: Ball = TENNIS_BALL
 ) -> tuple[np.ndarray, np.ndarray]:
     """Whether w series of n samples each may be within a tolerance [m] of flights, (w,), and the
-    flights in vacuum that fit them best, (w, 2, 3), with which `fit_flights` may begin.
-
-    Drag, k |v|^2, moves a ball off a flight in vacuum with the same ends by at most k |v|^2 T^2 /
-    8. The flight in vacuum that fits best is off the samples by no more than that one, root mean
-    square: by this and the tolerance. |v| is below the sum of the speeds at both ends.
+    flights in vacuum that fit them best, (w, 2, 3): for all but those that cannot be,
+    `fit_flights` may begin with these, as it does by itself.
 
     Parameters
     ----------
@@ -414,15 +359,8 @@ def may_fly(
     position : (w, n, 3) [m]
         Trusted to be valid, the first time of each is 0.
     """
-    states, last = _lines(time, position, ball), time[:, -1]
-    start, velocity = states[:, 0, None], states[:, 1, None]
-    off = position - start - velocity * time[..., None]
-    off = off + 0.5 * ball.gravity * np.square(time)[..., None] * UP
-    fastest = np.linalg.norm(states[:, 1], axis=1) + np.linalg.norm(
-        states[:, 1] - ball.gravity * last[:, None] * UP, axis=1
-    )
-    bound = tolerance + ball.drag * np.square(fastest * last) / 8.0
-    return np.square(off).sum(axis=(1, 2)) <= time.shape[1] * np.square(bound), states
+    states = lines(time, position, ball.gravity)
+    return steps_may_fly(time, position, states, ball.drag, ball.gravity, tolerance), states
 
 
 def _states(position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

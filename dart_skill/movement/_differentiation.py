@@ -12,6 +12,7 @@ polynomials of degree 5, so that they contain only noise.
 
 from __future__ import annotations
 
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,21 +23,19 @@ from dart_skill.common.checks import as_finite, as_samples
 from dart_skill.movement._time import as_stamps
 
 DEGREE = 5
-"""Degree of the splines."""
 NEIGHBOURS = 7
-"""Number of samples of a contrast, which is zero on polynomials of degree 5."""
 MIN_SAMPLES = 8
-"""Least number of samples that are smoothed."""
+# The risk is evaluated in windows of so many samples; the cost is cubic in this number and linear
+# in the number of windows.
 RISK_WINDOW = 300
-"""Number of samples in a window for which the risk is evaluated; the cost is cubic in it and linear
-in the number of windows.
-"""
+# Median of the absolute value of a normal variable of unit variance.
 NORMAL_MEDIAN = 0.6744897501960817
-"""Median of the absolute value of a normal variable of unit variance."""
+# Stamps, in units of their mean interval, are rounded to so many decimals: the rest is rounding of
+# the clock.
+DECIMALS = 10
+# lambda in units of the mean sample interval, per unit of noise variance.
 LOG_PENALTIES = np.linspace(-6.0, 12.0, 181)
-"""Logarithms of lambda that are tried, in units of the mean sample interval, per noise variance."""
 GAUSS_POINTS = np.polynomial.legendre.leggauss(3)
-"""Nodes and weights of an integral over an interval."""
 
 
 class Motion(NamedTuple):
@@ -74,13 +73,15 @@ def smooth_derivatives(
     at = time if at is None else _within(as_finite(at, "at", 1), time)
     levels, groups = _noise_levels(time, samples, noise)
     interval = (time[-1] - time[0]) / (len(time) - 1)
-    basis = _QuinticBasis((time - time[0]) / interval)
+    stamps = (time - time[0]) / interval
+    smoother = _smoother_at(stamps)
+    basis = smoother.basis
     # The quadratic trend is fitted separately: with a large penalty the system is ill-conditioned
     # and would disturb it.
-    trend = basis.trend(samples)
+    trend = smoother.trend(samples)
     rest, penalties = samples - trend, np.zeros(samples.shape[1])
     if levels.any():
-        risk = _risk(basis, rest / np.where(levels > 0, levels, 1.0))
+        risk = smoother.risk(rest / np.where(levels > 0, levels, 1.0))
         for group in groups:
             if levels[group.start] > 0:
                 penalties[group] = _best_penalty(risk[:, group])
@@ -163,34 +164,53 @@ def contrasts(time: np.ndarray, samples: np.ndarray) -> np.ndarray:
     )
 
 
-def _risk(basis: _QuinticBasis, samples: np.ndarray) -> np.ndarray:
-    """Estimated risk (n_penalties, d) of samples (n, d) with noise of standard deviation 1, up to
-    a constant.
+class _Smoother:
+    """The part of the penalised least squares fit that depends on the stamps only, and not on the
+    samples.
     """
-    n_windows = max(1, round(len(samples) / RISK_WINDOW))
-    parts = zip(
-        np.array_split(basis.stamps, n_windows), np.array_split(samples, n_windows), strict=True
-    )
-    return np.sum(
-        [
-            _window_risk(basis if n_windows == 1 else _QuinticBasis(stamps), part)
-            for stamps, part in parts
-        ],
-        axis=0,
-    )
+
+    def __init__(self, stamps: np.ndarray):
+        self.basis = _QuinticBasis(stamps)
+        self._trends = _quadratics(stamps)
+
+    def trend(self, samples: np.ndarray) -> np.ndarray:
+        """Values (n, d) of the quadratic polynomials that fit samples (n, d) best; the penalty
+        does not act on them.
+        """
+        return self._trends @ (self._trends.T @ samples)
+
+    @cached_property
+    def _windows(self) -> list[_RiskWindow]:
+        stamps = self.basis.stamps
+        n_windows = max(1, round(len(stamps) / RISK_WINDOW))
+        return [
+            _RiskWindow(self.basis if n_windows == 1 else _QuinticBasis(part))
+            for part in np.array_split(stamps, n_windows)
+        ]
+
+    def risk(self, samples: np.ndarray) -> np.ndarray:
+        """Estimated risk (n_penalties, d) of samples (n, d) with noise of standard deviation 1, up
+        to a constant.
+        """
+        parts = np.array_split(samples, len(self._windows))
+        return np.sum(
+            [window.risk(part) for window, part in zip(self._windows, parts, strict=True)], axis=0
+        )
 
 
-def _window_risk(basis: _QuinticBasis, samples: np.ndarray) -> np.ndarray:
-    """Residual sum of squares plus twice the trace of the smoother, up to constants:
-    (n_penalties, d), in the basis in which the smoother is diagonal.
+def _smoother_at(stamps: np.ndarray) -> _Smoother:
+    """The smoother for stamps in units of their mean interval.
+
+    Short series with equal stamps share one, since the demonstrations of one camera system are
+    often sampled alike.
     """
-    from scipy.linalg import eigh
+    stamps = np.round(stamps, DECIMALS)
+    return _shared_smoother(stamps.tobytes()) if len(stamps) <= RISK_WINDOW else _Smoother(stamps)
 
-    # In these coordinates B'B is the identity, and the roughness diagonal.
-    values, vectors = eigh(basis.roughness.toarray(), basis.gram.toarray())
-    kept = 1.0 / (1.0 + 10.0 ** LOG_PENALTIES[:, None] * np.maximum(values, 0.0))
-    projected = (basis.design @ vectors).T @ (samples - basis.trend(samples))
-    return np.square(1.0 - kept) @ np.square(projected) + 2.0 * kept.sum(axis=1)[:, None]
+
+@lru_cache(maxsize=32)
+def _shared_smoother(stamps: bytes) -> _Smoother:
+    return _Smoother(np.frombuffer(stamps))
 
 
 def _best_penalty(risk: np.ndarray) -> float:
@@ -198,6 +218,36 @@ def _best_penalty(risk: np.ndarray) -> float:
     alike.
     """
     return float(10.0 ** LOG_PENALTIES[risk.sum(axis=1).argmin()])
+
+
+class _RiskWindow:
+    """The smoother for one window of stamps, in the basis in which it is diagonal."""
+
+    def __init__(self, basis: _QuinticBasis):
+        from scipy.linalg import eigh
+
+        # In these coordinates B'B is the identity, and the roughness diagonal.
+        values, vectors = eigh(basis.roughness.toarray(), basis.gram.toarray())
+        self._trends = _quadratics(basis.stamps)
+        self._project = (basis.design @ vectors).T
+        kept = 1.0 / (1.0 + 10.0 ** LOG_PENALTIES[:, None] * np.maximum(values, 0.0))
+        self._left, self._trace = np.square(1.0 - kept), kept.sum(axis=1)[:, None]
+
+    def risk(self, samples: np.ndarray) -> np.ndarray:
+        """Residual sum of squares plus twice the trace of the smoother, up to constants:
+        (n_penalties, d).
+        """
+        projected = self._project @ (samples - self._trends @ (self._trends.T @ samples))
+        return self._left @ np.square(projected) + 2.0 * self._trace
+
+
+def _quadratics(stamps: np.ndarray) -> np.ndarray:
+    """Orthonormal quadratic polynomials (n, 3) at stamps (n,)."""
+    return np.linalg.qr(
+        np.polynomial.legendre.legvander(
+            2.0 * (stamps - stamps[0]) / (stamps[-1] - stamps[0]) - 1.0, 2
+        )
+    )[0]
 
 
 class _QuinticBasis:
@@ -219,12 +269,6 @@ class _QuinticBasis:
         self.design = BSpline.design_matrix(stamps, self.knots, DEGREE)
         self.gram = self.design.T @ self.design
         self.roughness = self._roughness()
-        # Orthonormal quadratic polynomials (n, 3).
-        self._quadratics = np.linalg.qr(
-            np.polynomial.legendre.legvander(
-                2.0 * (stamps - stamps[0]) / (stamps[-1] - stamps[0]) - 1.0, 2
-            )
-        )[0]
 
     def _roughness(self) -> Any:
         """integral B'''(t) B'''(t)' dt; three Gauss points are exact for the product of two
@@ -244,12 +288,6 @@ class _QuinticBasis:
             values = values @ diags([-rate, rate], [0, 1], shape=(len(rate), len(rate) + 1))
         values = diags(np.sqrt(half * weights).ravel()) @ values
         return values.T @ values
-
-    def trend(self, samples: np.ndarray) -> np.ndarray:
-        """Values (n, d) of the quadratic polynomials that fit samples (n, d) best; the penalty
-        does not act on them.
-        """
-        return self._quadratics @ (self._quadratics.T @ samples)
 
     def sums(self, samples: np.ndarray) -> np.ndarray:
         """B'x (m, d) of samples x (n, d): all that a fit needs of them."""
