@@ -64,9 +64,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
         "--json", action="store_true", help="summary.json on stdout instead of the table"
     )
     add_configuration(parser, "that of config/skill_learner.yaml")
-    add_model(
-        parser, "nothing is shown, the arm does what a file of 'dart-skill learn BAG' holds"
-    )
+    add_model(parser, "nothing is shown, the arm does what a file of 'dart-skill learn BAG' holds")
     parser.set_defaults(run=partial(_demo, parser=parser))
 
 
@@ -115,9 +113,7 @@ def _check_model(options: argparse.Namespace, parser: argparse.ArgumentParser) -
         parser.error("--model is for the learner of a graph: leave out --layout in-process")
     for name in ("demonstrations", "configuration"):
         if getattr(options, name) != parser.get_default(name):
-            parser.error(
-                f"--{name} is for a skill that is shown: with --model nothing is shown"
-            )
+            parser.error(f"--{name} is for a skill that is shown: with --model nothing is shown")
 
 
 def _in_process(options: argparse.Namespace, skill: Skill) -> RunSummary | None:

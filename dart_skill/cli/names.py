@@ -10,7 +10,7 @@ CONFIGURATIONS = (
 )  # fmt: skip
 """`dart_skill.skills.protocol._throw_settings`."""
 PRACTICE_METHODS = ("residual", "bootstrap", "both", "power", "none")
-"""`dart_skill.skills.practice._practising`."""
+"""`dart_skill.skills.protocol._throw_settings`."""
 REPRESENTATIONS = ("autonomous", "dsgmr", "intervals", "pose")
 """`dart_skill.skills.protocol._registry`."""
 CHANGES = ("none", "heavier_ball", "friction", "weaker_motors", "slower_hand", "base_turned")

@@ -162,12 +162,16 @@ def differences(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
     """Parameters by node in which --arm and --set differ from config/; a usage error names what
     does not exist.
     """
-    from dart_skill.common.fleet import arm_with
+    from dart_skill.common.fleet import arm_with, of_nodes
+    from dart_skill.common.world import the_world
 
     try:
-        return arm_with(options.arm, options.set)
+        differs = arm_with(options.arm, options.set)
     except ValueError as error:
         parser.error(str(error))
+    if len(of_nodes(options.set)) < len(options.set):
+        chosen_skill(parser, getattr(options, "skill", "") or the_world().skill, options.set)
+    return differs
 
 
 def add_baskets(parser: argparse.ArgumentParser, count: int | None) -> None:

@@ -13,7 +13,6 @@ Colour = tuple[int, int, int]
 BLACK = (0, 0, 0)
 GREY = (119, 119, 119)
 LIGHT = (187, 187, 187)
-WHITE = (255, 255, 255)
 ORANGE = (230, 159, 0)
 SKY = (86, 180, 233)
 GREEN = (0, 158, 115)

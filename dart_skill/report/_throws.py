@@ -13,9 +13,8 @@ from dart_skill.figures import SAME_BASKET, HandRecording
 from dart_skill.recording import BagError, Demonstration, read_demonstrations
 from dart_skill.recording.imports import ThrowRecording, fault_lines, read_recording
 from dart_skill.report._run import About, Movement, Run, Stamped, by_phase, purposes_of
-from dart_skill.session import TrialResult, find_throws
+from dart_skill.session import TrialResult, find_throws, throw_settings
 from dart_skill.skills.learning import LEAST_DEMONSTRATIONS, ThrowingSkill, learn_throwing
-from dart_skill.skills.learning import configuration as configuration_of
 from dart_skill.skills.observation import FoundThrow, worlds
 from dart_skill.skills.protocol import Skill
 
@@ -175,7 +174,7 @@ def _learned(shown: Sequence[Demonstration], name: str) -> tuple[ThrowingSkill |
     if len(shown) < LEAST_DEMONSTRATIONS:
         return None, [f"{len(shown)} demonstrations are too few to learn from: no skill is shown"]
     try:
-        return learn_throwing(list(shown), configuration_of(name)), []
+        return learn_throwing(list(shown), throw_settings(name)), []
     except ValueError as error:
         return None, [f"no skill is shown: {error}"]
 

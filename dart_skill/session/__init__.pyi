@@ -19,6 +19,7 @@ from dart_skill.session._finding import find_throws as find_throws
 from dart_skill.session._from_bag import LearnReport as LearnReport
 from dart_skill.session._from_bag import NothingLearned as NothingLearned
 from dart_skill.session._from_bag import learn_from_bag as learn_from_bag
+from dart_skill.session._from_bag import throw_settings as throw_settings
 from dart_skill.session._from_lerobot import demonstration_in_episode as demonstration_in_episode
 from dart_skill.session._from_lerobot import open_dataset as open_dataset
 from dart_skill.session._from_lerobot import skill_of_dataset as skill_of_dataset

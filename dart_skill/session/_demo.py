@@ -25,7 +25,7 @@ from dart_skill.session._in_process import Session
 from dart_skill.session._session_bag import LAYOUT, SessionBag
 from dart_skill.session._summary import RunSummary, TrialResult
 from dart_skill.simulation import Board, Swing
-from dart_skill.skills.practice import Learner
+from dart_skill.skills.practice import Learner, Lesson
 from dart_skill.skills.protocol import Skill, TaskOutcome
 
 DIFFERS = (
@@ -195,10 +195,8 @@ class _Throwing:
         """Learn it as the learner node does with the parameters of config/; what there is to say
         of the skill.
         """
-        learner = Learner(self.skill, learner_parameters)
-        lesson = learner.learn(shown, job.configuration)
-        assert learner.practice is not None
-        self._learned = learner.practice.practising  # type: ignore[attr-defined]
+        practice, lesson = _learned(self.skill, shown, job)
+        self._learned = practice.practising
         return "; ".join([lesson.said, *lesson.facts])
 
     def attempt(self, situation: Situation) -> TrialResult:
@@ -255,10 +253,8 @@ class _Moving:
 
     def learn(self, shown: list[Any], job: Job) -> str:
         """Learn it; what there is to say of the model."""
-        learner = Learner(self.skill, learner_parameters)
-        lesson = learner.learn(shown, job.configuration)
-        assert learner.practice is not None
-        self._learned = learner.practice.model
+        practice, lesson = _learned(self.skill, shown, job)
+        self._learned = practice.model
         return f"{lesson.said}: model {lesson.model_id}"
 
     def attempt(self, situation: Situation) -> TrialResult:
@@ -267,9 +263,13 @@ class _Moving:
         return TrialResult(situation, trial.outcome, trial.message)
 
 
-def learner_parameters() -> dict[str, Any]:
-    """Parameters of the node skill_learner as config/ has them."""
-    return node_parameters("skill_learner.yaml", "skill_learner")
+def _learned(skill: Skill, shown: list[Any], job: Job) -> tuple[Any, Lesson]:
+    """What the learner node would have learned with the parameters of config/, and what there is to
+    say of it.
+    """
+    learner = Learner(skill)
+    lesson = learner.learn(shown, job.configuration)
+    return learner.practice, lesson
 
 
 _KINDS: dict[tuple[str, str], type[_Throwing] | type[_Moving]] = {

@@ -19,6 +19,7 @@ import numpy as np
 
 from dart_skill.arm import Registration
 from dart_skill.common.constants import REMEMBERED
+from dart_skill.common.world import THROW
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import (
     AS_ASKED,
@@ -42,8 +43,8 @@ from dart_skill.recording.imports import (
 from dart_skill.session._finding import found_in
 from dart_skill.session._throw_memory import ThrowMemory
 from dart_skill.skills.learning import LEAST_DEMONSTRATIONS, ThrowSettings, prepare
-from dart_skill.skills.learning import configuration as configuration_of
 from dart_skill.skills.observation import THRESHOLDS, FoundThrow
+from dart_skill.skills.protocol import load_skill
 
 if TYPE_CHECKING:
     from dart_skill.skills.practice import PractisingSkill
@@ -60,6 +61,19 @@ MISSED = "missed the basket"
 
 MOST_FAULTS = 8
 """So many are named where nothing can be learned."""
+
+
+def throw_settings(configuration: str = "") -> ThrowSettings:
+    """Settings of throws at baskets as config/ has them, with a named change.
+
+    Raises
+    ------
+    ValueError
+        Lists the names that there are.
+    """
+    settings = load_skill(THROW).named(configuration).settings
+    assert isinstance(settings, ThrowSettings)
+    return settings
 
 
 class NothingLearned(ValueError):
@@ -153,7 +167,7 @@ def learn_from_bag(
         (`ThrowMemory`); 0 for all. `NothingLearned`, a ValueError, if there is too little to learn
         from.
     """
-    chosen = configuration_of(configuration)
+    chosen = throw_settings(configuration)
     reasons, memory = _reasons(path, mapping, without), ThrowMemory(remember, chosen)
     clocks = clocks_of(mapping) if mapping else {}
     judged = partial(_judged, chosen=chosen, with_throws=with_throws, reasons=reasons)

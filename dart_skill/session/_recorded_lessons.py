@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Collection
 
-from dart_skill.common.configuration import node_parameters
 from dart_skill.recording import (
     AS_ASKED,
     Demonstration,
@@ -43,7 +42,7 @@ def learn_skill(
         where, (shown, left_out) = str(source.path), _in_dataset(source, skill, without)
     else:
         where, (shown, left_out) = str(source), _in_bag(source, skill, without)
-    learner = Learner(skill, lambda: node_parameters("skill_learner.yaml", "skill_learner"))
+    learner = Learner(skill)
     try:
         lesson = learner.learn(shown, configuration)
     except ValueError as error:

@@ -29,8 +29,7 @@ from dart_skill.recording import (
     unwanted,
 )
 from dart_skill.recording.imports import RecordingMapping, ThrowRecording
-from dart_skill.session._from_bag import explained, throws_in_bag
-from dart_skill.skills.learning import configuration
+from dart_skill.session._from_bag import explained, throw_settings, throws_in_bag
 from dart_skill.skills.protocol import Skill, load_skill
 
 AROUND_NS = 50_000_000
@@ -145,7 +144,7 @@ def _throws_at_baskets(
     without: Sequence[str],
 ) -> tuple[list[Shown], dict[str, str]]:
     report, recording = throws_in_bag(
-        path, mapping, configuration("default"), with_throws=with_throws, without=without
+        path, mapping, throw_settings(), with_throws=with_throws, without=without
     )
     assert recording is not None  # as throws were looked for in it
     left_out = {}

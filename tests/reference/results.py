@@ -136,9 +136,7 @@ def practice_of(seed: int) -> dict:
     throws afterwards.
     """
     much = {"demonstrations": 3, "throws": 4, "tested_after": [4], "tests": 2}
-    tasks = {
-        name: practice.practice_task(seed, configuration=name, **much) for name in THROWERS
-    }
+    tasks = {name: practice.practice_task(seed, configuration=name, **much) for name in THROWERS}
     done = {name: practice.run(task) for name, task in tasks.items()}
     return {
         name: {"errors": exact(one["errors"]), "test_errors": exact(one["test_errors"])}

@@ -56,7 +56,7 @@ def add_throws(experiments: argparse._SubParsersAction) -> None:
 
 
 def _throws(options: argparse.Namespace) -> int:
-    from dart_skill.common.fleet import arm_with
+    from dart_skill.common.fleet import arm_with, skill_settings
     from dart_skill.experiments.parallel import all_of
     from dart_skill.experiments.studies import throws
     from dart_skill.skills.learning import LADDER, configuration
@@ -64,6 +64,8 @@ def _throws(options: argparse.Namespace) -> int:
     asked = options.configurations.replace("ladder", ",".join(("thesis", *LADDER)))
     names = tuple(configuration(name).name for name in asked.split(","))
     arm_with(throws.arm_of(options.arms, options.first_seed), options.set)
+    if skill_settings(options.set):
+        raise ValueError("--set skill.NAME is for a demo or a graph: give --configurations here")
     settings = tuple(options.set)
     results = all_of(
         throws.run_seed,

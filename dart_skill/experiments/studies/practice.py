@@ -22,7 +22,8 @@ from dart_skill.recording import Demonstration
 from dart_skill.session import Session
 from dart_skill.simulation import CHANGES, changed
 from dart_skill.skills.learning import Unreachable, configuration
-from dart_skill.skills.practice import METHODS, Curriculum, PractisingSkill
+from dart_skill.skills.practice import Curriculum, PractisingSkill
+from dart_skill.skills.protocol import PRACTICE_METHODS
 
 CANDIDATES = 48
 """Baskets among which the curriculum chooses."""
@@ -38,7 +39,7 @@ DEFAULTS: dict[str, Any] = {
     "arm": "ideal",
     "configuration": "default",
 }
-"""Of a task: method of practice, one of METHODS; how many throws are shown and practised; change
+"""Of a task: method of practice, one of PRACTICE_METHODS; how many throws are shown and practised; change
 of the plant, one of CHANGES, after so many throws; numbers of practised throws after each of which
 there is a test, and throws of it; throws of one plan for each basket of the last test, whose
 scatter is what no better plan can take away; arm of config/fleet.yaml, or fleet: the one that the
@@ -62,7 +63,7 @@ def practice_task(seed: int, **options: Any) -> dict:
         For a method, a change or a configuration that does not exist.
     """
     task = {"seed": seed, **DEFAULTS, **options}
-    for name, choices in (("method", METHODS), ("change", CHANGES)):
+    for name, choices in (("method", PRACTICE_METHODS), ("change", CHANGES)):
         if task[name] not in choices:
             raise ValueError(
                 f"there is no {name} '{task[name]}': choose one of {', '.join(choices)}"

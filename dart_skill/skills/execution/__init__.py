@@ -10,14 +10,13 @@ from dart_skill.skills.execution._moving_body import (
 from dart_skill.skills.execution._reactive_guide import ReactiveGuide, ReactiveSettings
 
 __all__ = [
-    "BodyMotion",
-    "HandSeen",
-    "MovingBody",
-    "ReactiveGuide",
-    "ReactiveSettings",
     "ARM_MEMORY",
+    "BodyMotion",
+    "FEWEST_POSES",
     "FILTER_TIME",
     "HandSeen",
-    "FEWEST_POSES",
+    "MovingBody",
     "POSE_WINDOW",
+    "ReactiveGuide",
+    "ReactiveSettings",
 ]

@@ -325,7 +325,11 @@ class ThrowingSkill:
         """What of tasks (n, 3) makes throws differ: in turned frames the reach alone (n, 1), else
         the place on the floor (n, 2).
         """
-        return self.surface.coordinates(tasks)[:, :1] if self.configuration.frames_turn else tasks[:, :2]
+        return (
+            self.surface.coordinates(tasks)[:, :1]
+            if self.configuration.frames_turn
+            else tasks[:, :2]
+        )
 
     @property
     def shown_coordinates(self) -> np.ndarray:

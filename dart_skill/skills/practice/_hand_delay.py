@@ -41,7 +41,10 @@ class HandDelay:
     @property
     def spread(self) -> float:
         """Standard deviation of single delays [s]; that of a usual hand counts for a few."""
-        squares = np.sum(np.square(np.array(self._delays) - self.mean)) + PRIOR_WEIGHT * USUAL_DELAY_SPREAD**2
+        squares = (
+            np.sum(np.square(np.array(self._delays) - self.mean))
+            + PRIOR_WEIGHT * USUAL_DELAY_SPREAD**2
+        )
         return float(np.sqrt(squares / (PRIOR_WEIGHT + max(len(self._delays) - 1, 0))))
 
     def add(self, delay: float, uncertainty: float = 0.0) -> None:

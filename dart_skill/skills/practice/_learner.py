@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dart_skill.arm import KnownRegistration, ThrowPlan
+from dart_skill.common.configuration import node_parameters
 from dart_skill.common.situation import Situation
 from dart_skill.mixture import GaussianMixture
 from dart_skill.recording import Demonstration
@@ -21,6 +22,7 @@ from dart_skill.skills.protocol import Skill, check_way, model_type, part_of
 
 Parameters = Callable[[], Mapping[str, Any]]
 """Values of the parameters of the node skill_learner, as they are now."""
+
 NOTHING = "nothing is learned yet: call ~/learn, or ~/load a model"
 CHANGED = ("components", "stiffness", "orientation_stiffness", "start_speed", "stop_speed")
 """Settings that parameters of the learner change, where these are not 0."""
@@ -55,6 +57,11 @@ class Lesson:
         return replace(self, left_out={**left_out, **self.left_out})
 
 
+def configured_parameters() -> Mapping[str, Any]:
+    """Parameters of the node skill_learner as config/ has them."""
+    return node_parameters("skill_learner.yaml", "skill_learner")
+
+
 class Learner:
     """Learns one skill from demonstrations, plans with it, and learns from trials.
 
@@ -63,7 +70,7 @@ class Learner:
     skill
         That is learned.
     parameters
-        Of the node skill_learner.
+        Of the node skill_learner; default: as config/ has them.
     registration
         Of cameras and arm as it was measured before; None: told by the demonstrations.
 
@@ -76,7 +83,7 @@ class Learner:
     def __init__(
         self,
         skill: Skill,
-        parameters: Parameters,
+        parameters: Parameters = configured_parameters,
         registration: KnownRegistration | None = None,
     ):
         self._parameters = parameters

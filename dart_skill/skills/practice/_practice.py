@@ -25,6 +25,7 @@ from dart_skill.skills.learning import (
     unlike,
 )
 from dart_skill.skills.practice._memory import PracticeSettings
+from dart_skill.skills.practice._practised_file import count_shown
 from dart_skill.skills.protocol import Part, Skill, TaskOutcome
 
 
@@ -191,8 +192,7 @@ class Practice(Part):
     ) -> Practice:
         """The one of a file; its settings are those that it was learned with."""
         saved = load_model(path, skill)
-        shown = len(saved.demonstrations)
-        shown = shown if saved.found is None else int(saved.found["n_shown"])
+        shown = count_shown(saved.found, len(saved.demonstrations))
         one = cls(
             skill.with_settings(saved.configuration),
             saved.demonstrations[:shown],
@@ -245,7 +245,26 @@ class ResidualPractice(Practice):
 class BootstrapPractice(Practice):
     """A trial is one more demonstration (thesis 8.2), of the situation for which it would have been
     right (`Skill.achieved`).
+
+    Raises
+    ------
+    ValueError
+        For a memory that forgets by crowding, which is one of throws.
     """
+
+    def __init__(
+        self,
+        skill: Skill,
+        demonstrations: Sequence[Demonstration],
+        memory: PracticeSettings | None = None,
+        tried: Sequence[Demonstration] = (),
+    ):
+        if memory is not None and memory.forget != PracticeSettings.forget:
+            raise ValueError(
+                f"practice_forget '{memory.forget}' is for throws: the skill '{skill.name}' forgets"
+                f" the {PracticeSettings.forget} trial"
+            )
+        super().__init__(skill, demonstrations, memory, tried)
 
     def _take(self, trial: Demonstration, situation: Situation, outcome: TaskOutcome) -> str:
         if not outcome.success and self.skill.achieved(trial, situation) is situation:

@@ -63,9 +63,7 @@ def practised_skill(
     """
     found = saved.found
     method = _of_use(method, saved)
-    n_shown = (
-        len(saved.demonstrations) if found is None else _count(found, len(saved.demonstrations))
-    )
+    n_shown = count_shown(found, len(saved.demonstrations))
     shown, tried = saved.demonstrations[:n_shown], saved.demonstrations[n_shown:]
     assert isinstance(saved.configuration, ThrowSettings)
     skill = PractisingSkill(
@@ -96,8 +94,16 @@ def _of_use(method: str, saved: SavedModel) -> str:
     return method
 
 
-def _count(found: dict, most: int) -> int:
-    """How many of the demonstrations were shown."""
+def count_shown(found: dict | None, most: int) -> int:
+    """How many of so many demonstrations were shown, and not tried.
+
+    Raises
+    ------
+    ValueError
+        If what practice found is damaged.
+    """
+    if found is None:
+        return most
     n_shown = found.get("n_shown")
     if not isinstance(n_shown, int) or not 0 <= n_shown <= most:
         raise ValueError(

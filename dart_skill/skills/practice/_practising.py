@@ -35,8 +35,7 @@ from dart_skill.skills.practice._hand_delay import USUAL_DELAY_SPREAD, HandDelay
 from dart_skill.skills.practice._memory import PracticeSettings, TrialMemory, Verdict
 from dart_skill.skills.practice._searching import CorrectionSearch
 from dart_skill.skills.practice._steadiness import LEAST, STEP, Steadiness
-
-METHODS = ("residual", "bootstrap", "both", "power", "none")
+from dart_skill.skills.protocol import PRACTICE_METHODS
 
 
 @dataclass(frozen=True)
@@ -94,7 +93,7 @@ class PractisingSkill:
     configuration
         ThrowSettings, default `DEFAULT`.
     method
-        One of METHODS, default "residual".
+        One of PRACTICE_METHODS, default "residual".
     memory
         PracticeSettings, how many demonstrations and trials are kept; default None: all.
     settings
@@ -137,9 +136,9 @@ class PractisingSkill:
         steady_every: int = 0,
         tried: Sequence[Demonstration] = (),
     ):
-        if method not in METHODS:
+        if method not in PRACTICE_METHODS:
             raise ValueError(
-                f"there is no way to practise '{method}': choose one of {', '.join(METHODS)}"
+                f"there is no way to practise '{method}': choose one of {', '.join(PRACTICE_METHODS)}"
             )
         if method == "power" and configuration.board:
             raise ValueError(

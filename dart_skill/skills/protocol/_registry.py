@@ -123,7 +123,7 @@ def load_skill(
 
 def part_names(kind: str, skill: Skill) -> list[str]:
     """Names of the parts of a kind among which a skill may choose."""
-    found = _registered(GROUPS[kind], {**PARTS[kind], **skill.parts.get(kind, {})})
+    found = _registered(GROUPS[kind], _own_parts(kind, skill))
     return sorted(
         name
         for name, value in found.items()
@@ -147,14 +147,7 @@ def part_of(skill: Skill, kind: str) -> Any:
         If there is none of that name, it cannot be imported, or it is of no use to the skill.
     """
     name = getattr(skill.settings, kind)
-    own = {**PARTS[kind], **skill.parts.get(kind, {})}
-    found = own if name in own else _registered(GROUPS[kind], own)
-    if name not in found:
-        raise ValueError(
-            f"no {kind} '{name}' for the skill '{skill.name}': choose one of"
-            f" {', '.join(sorted(found))}"
-        )
-    part = _loaded(found[name], f"{kind} '{name}'")
+    part = _part(kind, name, _own_parts(kind, skill), f" for the skill '{skill.name}'")
     if why := part.refusal(skill):
         raise ValueError(f"the {kind} '{name}' is not for the skill '{skill.name}': {why}")
     return part
@@ -168,9 +161,18 @@ def general_part(kind: str, name: str) -> Any:
     ValueError
         If there is none, or it cannot be imported.
     """
-    found = PARTS[kind] if name in PARTS[kind] else _registered(GROUPS[kind], PARTS[kind])
+    return _part(kind, name, PARTS[kind])
+
+
+def _own_parts(kind: str, skill: Skill) -> dict[str, str]:
+    """Those that need no look at what is installed."""
+    return {**PARTS[kind], **skill.parts.get(kind, {})}
+
+
+def _part(kind: str, name: str, own: Mapping[str, str], whose: str = "") -> Any:
+    found = own if name in own else _registered(GROUPS[kind], own)
     if name not in found:
-        raise ValueError(f"no {kind} '{name}': choose one of {', '.join(sorted(found))}")
+        raise ValueError(f"no {kind} '{name}'{whose}: choose one of {', '.join(sorted(found))}")
     return _loaded(found[name], f"{kind} '{name}'")
 
 

@@ -33,6 +33,7 @@ from dart_skill.skills.observation import (
 from dart_skill.skills.protocol import (
     CONFIGURATIONS,
     LADDER,
+    PRACTICE_METHODS,
     Skill,
     SkillWords,
     TaskOutcome,
@@ -43,8 +44,6 @@ LANDING = "landing"
 """Instant at which the ball came down."""
 RELEASE = "release"
 """Instant at which the ball left the hand."""
-METHODS = ("residual", "bootstrap", "both", "power", "none")
-"""Ways to learn from own throws (`PractisingSkill`)."""
 
 if TYPE_CHECKING:
     from dart_skill.skills.practice import CorrectionSettings
@@ -63,7 +62,9 @@ class Throw(Skill):
     model = "dart_skill.skills.learning:ThrowingSkill"
     parts = MappingProxyType(
         {
-            "practice": dict.fromkeys(METHODS, "dart_skill.skills.throw._practice:ThrowPractice"),
+            "practice": dict.fromkeys(
+                PRACTICE_METHODS, "dart_skill.skills.throw._practice:ThrowPractice"
+            ),
             "targets": {"worst": "dart_skill.skills.throw._target_choice:WorstTarget"},
         }
     )

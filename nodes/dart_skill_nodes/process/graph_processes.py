@@ -5,6 +5,7 @@ and ended.
 time; "processes" gives every node its own.
 """
 
+import json
 import os
 import signal
 import subprocess
@@ -156,7 +157,7 @@ class Graph:
         graph's remappings.
         """
         arguments = [
-            ("-p", f"{name}:={_text(value)}") for name, value in (parameters or {}).items()
+            ("-p", f"{name}:={json.dumps(value)}") for name, value in (parameters or {}).items()
         ]
         arguments += [
             ("-r", f"{name}:={other}")
@@ -246,12 +247,3 @@ def _place(process: subprocess.Popen, executable: str, namespace: str) -> None:
     others = set(cores) - {chosen}
     if others:
         os.sched_setaffinity(process.pid, {chosen} if executable in TAKING_TURNS else others)
-
-
-def _text(value) -> str:
-    """As the command line of a node takes it: YAML."""
-    if isinstance(value, (list, tuple)):
-        return f"[{','.join(map(_text, value))}]"
-    if isinstance(value, str) and value.startswith("{"):  # would be taken for a mapping
-        return f"'{value}'"
-    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -78,7 +78,10 @@ def skill_of(node: Node) -> "Skill":
     (row,) = described("skill").items()
     _declare_row(node, *row, "")
     given = node.get_parameter(row[0]).value
-    changes = yaml.safe_load(given) if given else {}
+    try:
+        changes = yaml.safe_load(given) if given else {}
+    except yaml.YAMLError:
+        changes = None
     if not isinstance(changes, dict):
         raise ValueError(f"{row[0]} is '{given}': give a YAML mapping, {{components: 16}}")
     from dart_skill.skills.protocol import load_skill  # not every node knows a skill

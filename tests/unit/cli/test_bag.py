@@ -344,7 +344,8 @@ def test_recover_says_what_was_kept_and_lost_and_leaves_a_whole_bag(cut, tmp_pat
     assert f"({end_ns // 10**9}.{end_ns % 10**9:09d} s)\n" in said
     assert "bag_0.mcap, byte " in said and "the file ends within a record" in said
     assert (
-        "lost: it is not known how many messages; 1 chunks and " in said and "leaves no trace" in said
+        "lost: it is not known how many messages; 1 chunks and " in said
+        and "leaves no trace" in said
     )
     assert said.splitlines()[-1] == f"next: dart-skill bag info {tmp_path / 'new'}"
     assert (cut / "bag_0.mcap").read_bytes() == before

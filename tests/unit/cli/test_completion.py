@@ -189,10 +189,10 @@ def test_names_are_those_of_the_library():
     from dart_skill.experiments.studies import dart_search, landscapes
     from dart_skill.simulation import CHANGES
     from dart_skill.skills.learning import CONFIGURATIONS
-    from dart_skill.skills.practice import _practising as practising
+    from dart_skill.skills.protocol import PRACTICE_METHODS
 
     assert names.CONFIGURATIONS == tuple(CONFIGURATIONS)
-    assert names.PRACTICE_METHODS == tuple(practising.METHODS)
+    assert names.PRACTICE_METHODS == tuple(PRACTICE_METHODS)
     assert names.CHANGES == tuple(CHANGES)
     assert names.SEARCHES == tuple(dart_search.METHODS)
     assert names.SCHEDULES == tuple(dart_search.SCHEDULES)

@@ -171,6 +171,8 @@ def test_arms_of_the_throws_experiment_are_names_or_the_fleet(capfd):
     assert [throw["arm"] for throw in told["throws"]] == ["fleet:5"]
     assert main(["experiment", "throws", "--arms", "nobody", "--seeds", "1"]) == 1
     assert "no arm 'nobody'" in capfd.readouterr().err
+    assert main(["experiment", "throws", "--set", "skill.components=8", "--seeds", "1"]) == 1
+    assert "--set skill.NAME is for a demo or a graph" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -181,6 +183,9 @@ def test_arms_of_the_throws_experiment_are_names_or_the_fleet(capfd):
         (["--set", "nobody.noise=1"], "there is no node nobody"),
         (["--set", "mock_optitrack.noise=much"], "'much' is no float, which noise is"),
         (["--set", "noise"], "give NODE.PARAMETER=VALUE"),
+        (["--set", "skill.compnents=8"], "compnents is no setting"),
+        (["--set", "skill.components"], "give skill.NAME=VALUE"),
+        (["--set", "skill.practice=luck"], "no practice 'luck' for the skill 'throw'"),
     ],
 )
 def test_arms_and_parameters_that_do_not_exist_are_usage_errors(capsys, arguments, message):

@@ -50,7 +50,13 @@ LONG = ("reacting.md", "skills.md")
 
 @pytest.mark.parametrize(
     "page",
-    ["learning.md", "poses.md", "real_demonstrations.md", *(pytest.param(page, marks=pytest.mark.slow) for page in LONG), "machines.md"],
+    [
+        "learning.md",
+        "poses.md",
+        "real_demonstrations.md",
+        *(pytest.param(page, marks=pytest.mark.slow) for page in LONG),
+        "machines.md",
+    ],
 )
 def test_the_blocks_of_a_page_run_one_after_the_other_and_print_what_it_says(page, monkeypatch):
     monkeypatch.chdir(ROOT)

@@ -82,7 +82,9 @@ def test_a_cup_whose_poses_stop_coming_stops_the_motion_and_is_named(taught):
     trial = session.execute(learned.policy.guide(), replace(BELT, tunnel=1.8))
     assert re.match(r"the cup was last seen 0\.1\d s ago: more than 0\.15 s", trial.message)
     assert not trial.outcome.success and session.commander.mode == Mode.HOLDING
-    assert session.execute(learned.policy.guide(), BELT).message == "", "and the next one is made as ever"
+    assert session.execute(learned.policy.guide(), BELT).message == "", (
+        "and the next one is made as ever"
+    )
 
 
 @pytest.mark.slow
@@ -145,8 +147,9 @@ def test_a_policy_arrives_as_it_was_sent_to_the_last_bit(taught):
             strict=True,
         ):
             np.testing.assert_array_equal(here, there)
-    assert policy.model.ends == learned.encoded.model.ends and policy.start_posture == pytest.approx(
-        learned.policy.start_posture, abs=0.0
+    assert (
+        policy.model.ends == learned.encoded.model.ends
+        and policy.start_posture == pytest.approx(learned.policy.start_posture, abs=0.0)
     )
     assert session.execute(policy.guide(), BELT).outcome.success
 

@@ -150,7 +150,8 @@ class Thrower:
 
 
 @pytest.mark.parametrize(
-    ("refused", "note"), [(True, "out of reach"), (False, "the cameras did not see where the dart went")]
+    ("refused", "note"),
+    [(True, "out of reach"), (False, "the cameras did not see where the dart went")],
 )
 def test_an_aim_that_is_refused_is_not_tried_again_and_one_that_was_not_seen_is(refused, note):
     skill, thrower = load_skill("darts"), Thrower(refused)

@@ -28,7 +28,6 @@ def test_the_ball_is_at_its_seat_in_the_hand_and_moves_with_it():
         places, position[:, :3] + hand_at(position).apply(CENTRE), atol=1e-14
     )
     before, after = (
-        ball_states(*movement(time + late), AZIMUTH, ROLL, CENTRE)[0]
-        for late in (-step, step)
+        ball_states(*movement(time + late), AZIMUTH, ROLL, CENTRE)[0] for late in (-step, step)
     )
     np.testing.assert_allclose(speeds, (after - before) / (2.0 * step), atol=1e-8)

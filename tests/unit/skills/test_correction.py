@@ -87,7 +87,9 @@ def averaged(correction, new):
         joint = covariance(offset, np.vstack([known, new]), difference, scale) + np.diag(
             [*[noise**2] * len(known), 0.0]
         )
-        prior = -0.1 * np.log2(noise / USUAL_SCATTER) ** 2 - np.log2(difference / USUAL_SCATTER) ** 2
+        prior = (
+            -0.1 * np.log2(noise / USUAL_SCATTER) ** 2 - np.log2(difference / USUAL_SCATTER) ** 2
+        )
         for axis in range(2):
             misses = told[:, 2 + axis] - share * told[:, 4 + axis]
             density = multivariate_normal.logpdf(misses, cov=joint[:-1, :-1]) + prior

@@ -74,11 +74,10 @@ def test_the_points_that_are_shown_are_all_over_the_board(darts):
 
 
 def test_its_settings_are_those_of_its_file(darts):
-    assert darts.settings == replace(DartsSettings(), board=darts.bull), "the file says what the defaults are"
-    assert (
-        darts.correction.memory == 40
-        and darts.settings.board == the_world().board_position
+    assert darts.settings == replace(DartsSettings(), board=darts.bull), (
+        "the file says what the defaults are"
     )
+    assert darts.correction.memory == 40 and darts.settings.board == the_world().board_position
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,9 @@ def test_how_late_a_hand_was_is_believed_as_far_as_it_was_seen():
     """The mean of a Gaussian about a usual hand, once it was seen with Gaussian noise."""
     time = np.linspace(-0.1, 0.1, 20001)
     for seen, uncertainty in ((0.010, 0.004), (-0.006, 0.001), (0.002, 0.012)):
-        density = np.exp(-0.5 * (time / USUAL_DELAY_SPREAD) ** 2 - 0.5 * ((seen - time) / uncertainty) ** 2)
+        density = np.exp(
+            -0.5 * (time / USUAL_DELAY_SPREAD) ** 2 - 0.5 * ((seen - time) / uncertainty) ** 2
+        )
         assert likely_late(seen, uncertainty) == pytest.approx(
             density @ time / density.sum(), abs=1e-9
         )

@@ -501,7 +501,12 @@ def test_only_the_frames_that_are_named_count(demonstrations):
 
 
 def test_settings_that_are_rarely_given_are_part_of_the_name_of_a_model(demonstrations):
-    kinds = ({}, {"frames": ("button",)}, {"stiffness_range": (50.0, 800.0)}, {"representation": "dsgmr"})
+    kinds = (
+        {},
+        {"frames": ("button",)},
+        {"stiffness_range": (50.0, 800.0)},
+        {"representation": "dsgmr"},
+    )
     assert len({LearnedSkill(touch(**one), demonstrations).model_id for one in kinds}) == 4
 
 

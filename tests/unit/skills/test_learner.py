@@ -124,7 +124,11 @@ def test_settings_are_changed_where_a_parameter_says_so(name, given, fields, sai
         ("place", {"least_stiffness": 900.0, "most_stiffness": 800.0}, "stiffness_range is"),
         ("throw", {"frames": "cup"}, "frames 'cup' are unknown: choose one of base, target;"),
         ("place", {"configuration": "thesis"}, "configurations are of throws"),
-        ("throw", {"configuration": "defualt"}, "no configuration 'defualt': choose one of .distance"),
+        (
+            "throw",
+            {"configuration": "defualt"},
+            "no configuration 'defualt': choose one of .distance",
+        ),
     ],
 )
 def test_a_change_that_cannot_be_is_refused(name, given, said):

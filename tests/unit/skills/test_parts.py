@@ -10,7 +10,7 @@ import pytest
 
 from dart_skill.common.fleet import arm_with, of_nodes, skill_settings
 from dart_skill.recording import HAND
-from dart_skill.skills.learning import EqualIntervals, LearnedSkill, OnManifold, learn
+from dart_skill.skills.learning import EqualIntervals, LearnedSkill, OnManifold, learn, save_model
 from dart_skill.skills.practice import BootstrapPractice, Learner, Practice, PracticeSettings
 from dart_skill.skills.protocol import (
     Part,
@@ -210,6 +210,19 @@ def test_a_full_memory_forgets_the_oldest_trial_and_keeps_what_was_shown(shown):
     practice = BootstrapPractice(touch(), shown[:2], PracticeSettings(capacity=3))
     assert practice.tell(shown[2]).kept and practice.tell(shown[3]).kept
     assert practice.model.ids == tuple(one.id for one in (*shown[:2], shown[3]))
+
+
+def test_a_memory_that_forgets_by_crowding_is_refused(shown):
+    with pytest.raises(ValueError, match="'crowded' is for throws: the skill 'touch' forgets the"):
+        BootstrapPractice(touch(), shown[:2], PracticeSettings(forget="crowded"))
+
+
+def test_a_file_whose_practice_is_damaged_is_refused(shown, tmp_path):
+    practice = BootstrapPractice(touch(practice="bootstrap"), shown[:2])
+    settings = practice.skill.settings
+    save_model(tmp_path / "odd.npz", shown[:2], settings, practice.model.misses, {"n_shown": 7})
+    with pytest.raises(ValueError, match="n_shown is 7 of 2 demonstrations"):
+        BootstrapPractice.load(tmp_path / "odd.npz", practice.skill)
 
 
 def test_a_trial_that_failed_shows_nothing_unless_the_skill_says_for_what_it_is_right(shown):

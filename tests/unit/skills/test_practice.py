@@ -95,7 +95,9 @@ def from_below():
 
 
 def test_two_ways_of_throwing_are_said(demonstrations, from_below):
-    assert TrialMemory(demonstrations).patterns() == "" and TrialMemory(from_below).patterns() == ""
+    assert (
+        TrialMemory(demonstrations).patterns() == "" and TrialMemory(from_below).patterns() == ""
+    )
     groups = "; ".join(", ".join(one.id for one in way) for way in (demonstrations, from_below))
     assert (
         TrialMemory([*demonstrations, *from_below]).patterns()

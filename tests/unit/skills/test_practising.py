@@ -12,12 +12,12 @@ from dart_skill.session import Session
 from dart_skill.skills.learning import landing_if_late, learn_throwing
 from dart_skill.skills.practice import (
     LEAST_SCATTER,
-    METHODS,
     PRIOR_SPREAD,
     PractisingSkill,
     correction_of,
     polar,
 )
+from dart_skill.skills.protocol import PRACTICE_METHODS
 from tests.throw_demonstrations import changed_throw
 
 BASKETS = np.array([[1.85, 0.10, 0.4], [2.05, -0.30, 0.4], [1.75, 0.45, 0.4]])
@@ -114,7 +114,7 @@ def test_bootstrapping_alone_does_not_find_out(crooked, demonstrations):
     assert left[2] > 0.05, left
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", PRACTICE_METHODS)
 def test_before_the_first_own_throw_plans_are_those_of_the_skill(method, demonstrations):
     assert same_plan(
         PractisingSkill(demonstrations, method=method).plan(BASKETS[0]),
@@ -199,7 +199,7 @@ def test_a_correction_is_least_squares_where_much_is_known_and_what_was_thought_
     )
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", PRACTICE_METHODS)
 def test_every_plan_is_for_the_basket_that_was_asked_for(method, demonstrations):
     skill = PractisingSkill(demonstrations, method=method)
     plan = skill.plan(BASKETS[0], explore=True)

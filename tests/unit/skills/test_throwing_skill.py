@@ -112,7 +112,9 @@ def test_the_task_is_where_the_ball_landed_or_where_the_basket_stood(taught, dem
         np.testing.assert_allclose(
             prepare(demonstration, DEFAULT).task, trial.outcome.landing, atol=1e-3
         )
-        np.testing.assert_array_equal(prepare(demonstration, configuration("thesis")).task, demonstration.target)
+        np.testing.assert_array_equal(
+            prepare(demonstration, configuration("thesis")).task, demonstration.target
+        )
 
 
 def test_a_demonstration_that_cannot_be_used_is_named(demonstrations):
@@ -140,7 +142,9 @@ def test_a_demonstration_is_prepared_once_for_all_that_read_it_alike(demonstrati
     assert (
         prepare(
             one,
-            replace(DEFAULT, name="other", components=3, width=0.2, step=0.002, frames=("azimuth",)),
+            replace(
+                DEFAULT, name="other", components=3, width=0.2, step=0.002, frames=("azimuth",)
+            ),
         )
         is kept
     )
