@@ -16,7 +16,7 @@ import numpy as np
 
 from dart_skill.arm._command import REST_SPEED, ArmState, Command, Speed
 from dart_skill.arm._description import WamDescription, wam_description
-from dart_skill.arm._guide import Guide, PlanGuide
+from dart_skill.arm._guide import CarefulGuide, Guide, PlanGuide
 from dart_skill.arm._hand_pull import HandPull
 from dart_skill.arm._impedance import (
     Impedance,
@@ -46,6 +46,11 @@ JUMP = 0.1
 """
 JUMP_SPEED = 30.0
 """Speed with which a joint may have moved meanwhile [rad/s]."""
+FELT = {"joints": 0.02, "hand": 0.005, "none": 0.02}
+"""Distance by which a hand that is held back stays behind its plan [m], by what keeps the arm on it
+(`CommanderSettings.tracking`): it presses with some 3 N where soft joints follow, and with 20 N by
+the law alone.
+"""
 LONGEST_STOP = 2.0
 """An arm that still creeps after so long, because gravity is compensated badly, is held where it
 is [s].
@@ -146,9 +151,16 @@ class Commander:
             If a limit forbids it.
         """
         self._check_ready()
-        plan = registered(plan, self._measured).as_the_arm_has_it()
+        seen = registered(plan, self._measured)
+        plan = seen.as_the_arm_has_it()
         check_plan(plan, self.settings, self._description)
-        self.follow(PlanGuide(plan, self.settings.follow_time))
+        guide: Guide
+        if plan.speed == Speed.CAREFUL:
+            felt = FELT[self.settings.tracking]
+            guide = CarefulGuide(plan, self.settings.follow_time, seen.registration, felt)
+        else:
+            guide = PlanGuide(plan, self.settings.follow_time)
+        self.follow(guide)
 
     def follow(self, guide: Guide) -> None:
         """Begin a motion with the next state, in which a guide says at every state what the hand
@@ -162,6 +174,19 @@ class Commander:
         self._check_ready()
         check_range("the start posture", guide.start_posture, self._lower, self._upper)
         self._requested, self.what, self.message, self.opened_ns = guide, guide.what, "", None
+
+    def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """A pose of a body that the cameras deliver, for the motion under way.
+
+        Parameters
+        ----------
+        body
+            Its role.
+        stamp_ns, position, quaternion
+            Of the pose, in the world of the cameras [ns], (3,) [m], (4,).
+        """
+        if (guide := self._requested or (self._guide if self.executing else None)) is not None:
+            guide.see(body, stamp_ns, position, quaternion)
 
     def agreed(
         self, own: Registration, position: np.ndarray, quaternion: np.ndarray
@@ -397,7 +422,7 @@ class Commander:
         ):
             self.stop(reason)
             return self._come_to_rest(state)
-        careful = self._guide.speed == Speed.CAREFUL
+        careful = self._guide.speed == Speed.CAREFUL and not now.touches
         wrench, torque = self._pull.at(state, now, self.time, careful)
         # Said in every command from now on, so that an arm that takes only the newest one misses
         # nothing.

@@ -13,12 +13,22 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from dart_skill.arm._command import Speed
+from dart_skill.arm._contact import ContactSearch
+from dart_skill.arm._hand_seen import HandSeen, RestTakenOut, SeenOffset
 from dart_skill.arm._impedance import PoseGains, Reference, rotation_error
 from dart_skill.arm._model import HandState
 from dart_skill.arm._motion_plan import Gains, GainsOverTime, GripEvent, MotionPlan, Pace
 from dart_skill.arm._plan_rows import PlanRows
-from dart_skill.common.constants import Grip
-from dart_skill.common.quaternions import CONJUGATE, matrices, product, to_vectors, unit
+from dart_skill.arm._registration import Registration
+from dart_skill.common.constants import HAND, Grip
+from dart_skill.common.quaternions import (
+    CONJUGATE,
+    from_vectors,
+    matrices,
+    product,
+    to_vectors,
+    unit,
+)
 
 AS_SHOWN = 0.5
 """Rate of a plan's clock below which the hand is held back: the fingers do nothing then."""
@@ -26,6 +36,8 @@ HELD_BACK = 5.0
 """A motion that is held back for so long is given up [s]."""
 STANDS = 0.01
 """A hand that is planned to be slower has no way along which it could be late [m/s]."""
+UNSEEN = 0.5
+"""Rate of a careful plan while the cameras do not see the hand."""
 EARLY = 1e-9
 """By which an event may be early [s]: times are rounded to the nanosecond."""
 
@@ -51,6 +63,8 @@ class Guidance(NamedTuple):
         Why the motion cannot go on; empty if it can.
     posture
         Joint angles (7,) that the arm's free motion aims at [rad]; None: those of the start.
+    touches
+        Whether something holds the hand back, which presses against it no harder.
     """
 
     time: float
@@ -62,6 +76,7 @@ class Guidance(NamedTuple):
     over: bool
     fault: str = ""
     posture: np.ndarray | None = None
+    touches: bool = False
 
 
 class Guide(Protocol):
@@ -93,6 +108,18 @@ class Guide(Protocol):
         """
         ...
 
+    def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """A pose of a body that the cameras deliver; one that does not matter is left out.
+
+        Parameters
+        ----------
+        body
+            Its role.
+        stamp_ns, position, quaternion
+            Of the pose, in the world of the cameras [ns], (3,) [m], (4,).
+        """
+        ...
+
 
 class PlanGuide:
     """Guides through a plan; where the plan has a pace, the state of the hand drives its clock,
@@ -100,6 +127,8 @@ class PlanGuide:
 
     Parameters
     ----------
+    plan
+        As the arm has it.
     follow_time
         The path is followed for so long after the plan's end [s].
     """
@@ -117,6 +146,9 @@ class PlanGuide:
         self._clock = (
             PlanClock(plan.pace, plan.path.time, self._fingers) if plan.pace is not None else None
         )
+
+    def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """As of `Guide`: nothing that is seen changes a plan that was made."""
 
     def look(self, time: float, hand: HandState, stamp_ns: int) -> Guidance:
         """As of `Guide`."""
@@ -143,6 +175,67 @@ class PlanGuide:
             return math.dist(reference.position, hand.position)
         off, way = hand.position - reference.position, reference.velocity[:3]
         return float(np.linalg.norm(off - (off @ way) * way / max(way @ way, STANDS**2)))
+
+
+class CarefulGuide(PlanGuide):
+    """Guides through a plan that is slow enough to be corrected on the way: by where the cameras see
+    the hand, by what a soft arm leaves of the distance, and by what is felt where it touches.
+
+    Parameters
+    ----------
+    follow_time
+        As of `PlanGuide`.
+    plan
+        As the arm has it.
+    registration
+        Of the cameras that see the hand; default: they agree with the arm.
+    felt
+        As of `ContactSearch`; only of a plan without a pace.
+    """
+
+    def __init__(
+        self,
+        plan: MotionPlan,
+        follow_time: float,
+        registration: Registration | None = None,
+        felt: float = math.inf,
+    ):
+        super().__init__(plan, follow_time)
+        self._registration = registration or Registration()
+        self._hand_seen, self._rest = HandSeen(HAND), RestTakenOut()
+        self._contact = ContactSearch(felt if plan.pace is None else math.inf)
+        self._then, self._waited = 0.0, 0.0
+
+    def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """As of `Guide`: the hand alone counts."""
+        if body == self._hand_seen.name:
+            stamp_ns -= round(1e9 * self._registration.delay)
+            place, turned = self._registration.poses(position[None], quaternion[None])
+            self._hand_seen.see(stamp_ns, place[0], matrices(turned[0]))
+
+    def look(self, time: float, hand: HandState, stamp_ns: int) -> Guidance:
+        """As of `Guide`."""
+        step, self._then = time - self._then, time
+        seen = self._hand_seen.offset(stamp_ns, hand.position, hand.rotation)
+        planned = super().look(time - self._waited, hand, stamp_ns)
+        velocity, carries = planned.reference.velocity[:3], planned.carries
+        aim = planned.reference.position - seen.shift + self._contact.aside
+        rate = self._contact.rate(time, step, hand.position, aim, velocity, carries)
+        if rate == 1.0 and self.plan.pace is None and self._hand_seen.is_lost(stamp_ns):
+            rate = UNSEEN
+        self._waited += (1.0 - rate) * step
+        wanted = shifted(
+            planned.reference if rate == 1.0 else slowed(planned.reference, rate),
+            SeenOffset(seen.shift - self._contact.aside, seen.turn),
+        )
+        left = self._contact.across(hand.position - wanted.position)
+        turned = rotation_error(hand.rotation, wanted.rotation)
+        rest = self._rest.at(time, np.concatenate([left, turned]))
+        return planned._replace(
+            reference=shifted(wanted, rest),
+            fault=planned.fault or self._contact.fault,
+            touches=self._contact.touches,
+        )
 
 
 class Fingers:
@@ -239,6 +332,26 @@ def paced(reference: Reference, rate: float) -> Reference:
         reference,
         velocity=rate * reference.velocity,
         acceleration=rate * rate * reference.acceleration,
+    )
+
+
+def slowed(reference: Reference, rate: float) -> Reference:
+    """The same whose attractor does not pull the hand on faster, either."""
+    ahead = reference.attractor_position - reference.position
+    return replace(paced(reference, rate), attractor_position=reference.position + rate * ahead)
+
+
+def shifted(reference: Reference, seen: SeenOffset) -> Reference:
+    """The reference that brings a hand which is seen elsewhere than the arm takes it to be to where
+    it shall be seen.
+    """
+    back = matrices(from_vectors(-seen.turn))
+    return replace(
+        reference,
+        attractor_position=reference.attractor_position - seen.shift,
+        attractor_rotation=back @ reference.attractor_rotation,
+        position=reference.position - seen.shift,
+        rotation=back @ reference.rotation,
     )
 
 

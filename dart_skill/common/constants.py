@@ -20,6 +20,8 @@ REMEMBERED = 2000
 """Largest number of throws of a bag that are learned from, by default: a lesson from them
 takes a second.
 """
+HAND = "hand"
+"""Role of the body that every skill has."""
 PARTITIONS = ("time", "em")
 """How the components of a mixture get their times: equal intervals, or those that EM finds."""
 

@@ -141,11 +141,10 @@ def estimate_noise(time: ArrayLike, samples: ArrayLike, *, apart: bool = False) 
     """
     samples = as_samples(samples, "samples")
     time = as_stamps(time, len(samples), MIN_SAMPLES)
-    noise = contrasts(time, samples)
-    return (
-        np.array([np.median(column) for column in noise] if apart else np.median(noise))
-        / NORMAL_MEDIAN
-    )
+    levels = np.median(contrasts(time, samples), axis=1) / NORMAL_MEDIAN
+    # Columns may differ in noise: an axis of unit length has none along itself. What counts for
+    # all together is their mean variance; the median of all at once would be less.
+    return levels if apart else np.sqrt(np.mean(np.square(levels)))
 
 
 def contrasts(time: np.ndarray, samples: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ import numpy as np
 from rosbags.typesys.store import Typestore
 
 from dart_skill.common.checks import FARTHEST, as_place, check_samples, check_unit_quaternions
-from dart_skill.common.constants import N_JOINTS, Grip
+from dart_skill.common.constants import HAND, N_JOINTS, Grip
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.common.world import (
     DEMONSTRATION_TOPIC,
@@ -36,8 +36,6 @@ from dart_skill.recording.bags import (
 DEMONSTRATION_TYPE = "dart_skill_msgs/msg/Demonstration"
 SKILL = THROW
 """Skill of a recording that does not say of which one it is."""
-HAND = "hand"
-"""Role of the body that every skill has."""
 WORDS = {Grip.OPEN: "open", Grip.CLOSE: "close"}
 """Names of the events in which the fingers are told something."""
 GRIPS = {name: grip for grip, name in WORDS.items()}

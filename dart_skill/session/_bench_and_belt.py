@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dart_skill.arm import (
-    ArmModel,
     ArmState,
     Command,
     Commander,
@@ -37,7 +36,7 @@ from dart_skill.simulation import (
     Sample,
     Workbench,
 )
-from dart_skill.skills.execution import HandSeen, MovingBody, ReactiveGuide
+from dart_skill.skills.execution import MovingBody, ReactiveGuide
 from dart_skill.skills.protocol import Skill, TaskOutcome
 
 if TYPE_CHECKING:
@@ -167,6 +166,7 @@ class BenchSession(_SkillSession):
             seed,
         )
         super().__init__(skill, plant, of, seed, bag)
+        self.seed = seed
         self.carrier = Carrier(seed, person=Person.from_parameters(of("teacher")))
 
     def show(self, situation: Situation) -> SkillTrial:
@@ -186,19 +186,24 @@ class BenchSession(_SkillSession):
             Where they want the part, in the frame of the holder, by default where the skill wants
             it (`Skill.goal`).
         """
-        there = (
-            self.skill.goal(Situation({"holder": holder})) if goal is None else holder.place(goal)
-        )
-        self._stand(holder)
+        seen = self.situation(holder)
+        stands, part = seen.pose("holder"), seen.pose("part")
+        there = self.skill.goal(seen) if goal is None else stands.place(goal)
         self.commander.release_arm(True)
-        part = self.plant.bodies["part"]
-        self.carrier.begin(self.plant.arm_state, part, (there.position, there.quaternion))
+        self._sees = self.carrier
+        self.carrier.forget()
+        self.carrier.begin(
+            self.plant.arm_state,
+            (part.position, part.quaternion),
+            (there.position, there.quaternion),
+        )
         self._run(
             "demonstration",
             lambda: self.carrier.step(self.plant.arm_state),
             lambda: self.carrier.done(self.plant.arm_state),
         )
         trial = self._trial("demonstration")
+        self._sees = None
         self.commander.release_arm(False)
         return trial
 
@@ -213,11 +218,15 @@ class BenchSession(_SkillSession):
         """Carry out a plan for the situation that was seen last."""
         self._watch_anew()
         self.commander.execute(plan)
-        self._run(
-            plan.what,
-            no_push,
-            lambda: not self.commander.executing and self.commander.mode in RESTING,
-        )
+        self._sees = self.commander
+        try:
+            self._run(
+                plan.what,
+                no_push,
+                lambda: not self.commander.executing and self.commander.mode in RESTING,
+            )
+        finally:
+            self._sees = None
         return self._trial("trial")
 
     def _stand(self, holder: Pose) -> None:
@@ -268,7 +277,7 @@ class BeltSession(_SkillSession):
         """
         if self.skill.reacts:
             return self.execute(learned.policy.guide(), _belt(situation))
-        self._start(_belt(situation), None)
+        self._start(_belt(situation), self.commander)
         self._run("look", no_push, lambda: True, watch=LOOKED)
         self._deliver()
         plan = learned.plan(self._log.situation_at(self._log.bodies[HAND].stamps[-1]))
@@ -355,27 +364,25 @@ class ReachingPerson:
     """
 
     def __init__(self, seed: int, person: Person | None = None, cup: str = "cup"):
-        self._reacher, self._model = Reacher(seed, person=person), ArmModel()
-        self._body = cup
+        self._reacher, self._body = Reacher(seed, person=person), cup
         self.forget()
 
     def forget(self) -> None:
         """Nothing is seen yet: the world was reset."""
-        self._cup, self._hand = MovingBody(self._body), HandSeen(HAND)
+        self._cup = MovingBody(self._body)
+        self._reacher.forget()
 
     def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
         """A pose of a body: (3,) [m], (4,)."""
-        if body == HAND:
-            self._hand.see(stamp_ns, position)
-        elif body == self._body:
+        self._reacher.see(body, stamp_ns, position, quaternion)
+        if body == self._body:
             self._cup.see(stamp_ns, position, quaternion)
 
     def look(self, state: ArmState) -> None:
         """Compare what is seen of the hand with where the arm takes it to be, once per state, from
         before the beginning.
         """
-        hand = self._model.hand_state(state.position, state.velocity).position
-        self._beside = self._hand.beside(state.stamp_ns, hand)
+        self._reacher.look(state)
 
     def begin(self, state: ArmState) -> None:
         """Begin where the hand is now.
@@ -391,9 +398,8 @@ class ReachingPerson:
 
     def step(self, state: ArmState) -> Command:
         """The push that answers a state."""
-        self.look(state)
         cup = self._cup.at(state.stamp_ns)
-        self._reacher.watch(state, cup.position, cup.velocity, self._beside)
+        self._reacher.watch(state, cup.position, cup.velocity)
         return self._reacher.step(state)
 
     def done(self, state: ArmState) -> bool:

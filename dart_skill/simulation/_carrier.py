@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from dart_skill.arm import ArmState, Grip
-from dart_skill.simulation._guiding import Guiding, smooth
+from dart_skill.arm import ArmState, Grip, HandState
+from dart_skill.common.constants import HAND
+from dart_skill.simulation._guiding import BOTH_HANDS, Guiding, smooth
 from dart_skill.simulation._teacher import Person
 from dart_skill.simulation._workbench import Pose
 
@@ -56,7 +57,7 @@ class Carrying:
     turn_spread: float = 0.01
     rest: float = 0.3
     follows: float = 6.0
-    firm_wrist: tuple[float, float] = (60.0, 3.0)
+    firm_wrist: tuple[float, float] = BOTH_HANDS
 
 
 class Carrier(Guiding):
@@ -70,6 +71,8 @@ class Carrier(Guiding):
         How they do it; the defaults where none is given.
     step
         Control period [s].
+    part
+        Role of what they carry, and look at.
     """
 
     def __init__(
@@ -78,9 +81,12 @@ class Carrier(Guiding):
         carrying: Carrying | None = None,
         person: Person | None = None,
         step: float = 0.002,
+        part: str = "part",
     ):
         self.carrying = carrying or Carrying()
-        super().__init__(seed, person, self.carrying.follows, self.carrying.firm_wrist, step)
+        super().__init__(
+            seed, person, self.carrying.follows, self.carrying.firm_wrist, step, looks_at=part
+        )
 
     def begin(self, state: ArmState, part: Pose, goal: Pose) -> None:
         """Take the part where it stands and bring it to a goal; both as the person sees them."""
@@ -108,6 +114,12 @@ class Carrier(Guiding):
             back * Rotation.from_matrix(hand.rotation),
         )
         self._in_mind: dict[float, tuple[np.ndarray, np.ndarray]] = {}
+
+    def _body_in_hand(self, hand: HandState) -> tuple[np.ndarray, np.ndarray]:
+        """The part, held as it was met."""
+        offset, held = self._grip
+        turned = hand.rotation @ held.inv().as_matrix()
+        return hand.position - turned @ offset, turned
 
     @property
     def duration(self) -> float:
@@ -184,7 +196,7 @@ class Reaching:
     aim_spread: float = 0.003
     rest: float = 1.0
     follows: float = 6.0
-    firm_wrist: tuple[float, float] = (60.0, 3.0)
+    firm_wrist: tuple[float, float] = BOTH_HANDS
 
 
 class Reacher(Guiding):
@@ -198,6 +210,8 @@ class Reacher(Guiding):
         How they do it; the defaults where none is given.
     step
         Control period [s].
+    hand
+        Role of what they look at beside the cup.
     """
 
     def __init__(
@@ -206,9 +220,12 @@ class Reacher(Guiding):
         reaching: Reaching | None = None,
         person: Person | None = None,
         step: float = 0.002,
+        hand: str = HAND,
     ):
         self.reaching = reaching or Reaching()
-        super().__init__(seed, person, self.reaching.follows, self.reaching.firm_wrist, step)
+        super().__init__(
+            seed, person, self.reaching.follows, self.reaching.firm_wrist, step, looks_at=hand
+        )
 
     def begin(self, state: ArmState) -> None:
         """Begin where the hand is now."""
@@ -220,29 +237,11 @@ class Reacher(Guiding):
         self._aside = r.aim_spread * rng.standard_normal(3)
         hand = self._model.hand_state(state.position, state.velocity)
         self._first, self._rotation = hand.position, hand.rotation
-        self._cup, self._seen, self._speed, self._beside = (
-            np.zeros(3),
-            0.0,
-            np.zeros(3),
-            np.zeros(3),
-        )
+        self._cup, self._seen, self._speed = np.zeros(3), 0.0, np.zeros(3)
 
-    def watch(
-        self, state: ArmState, cup: np.ndarray, speed: np.ndarray, beside: np.ndarray
-    ) -> None:
-        """What the person sees now: the cup (3,) [m] and how it moves (3,) [m/s], and the hand
-        from where the arm takes it to be (3,) [m].
-
-        Encoders that read wrong do not mislead them: what they see of the hand counts.
-
-        Parameters
-        ----------
-        speed
-            Of the cup.
-        beside
-            Place of the hand from there.
-        """
-        self._cup, self._speed, self._beside, self._seen = cup, speed, beside, self._time(state)
+    def watch(self, state: ArmState, cup: np.ndarray, speed: np.ndarray) -> None:
+        """What the person sees now: the cup (3,) [m] and how it moves (3,) [m/s]."""
+        self._cup, self._speed, self._seen = cup, speed, self._time(state)
 
     def done(self, state: ArmState) -> bool:
         """Whether the hand has been in the cup for long enough."""
@@ -253,5 +252,5 @@ class Reacher(Guiding):
         over, down = smooth(share / 0.75), smooth((share - 0.5) / 0.5)
         inside = self._cup + (time - self._seen) * self._speed + self._aside
         return self._first + over * (
-            inside - self._beside + self._above - self._first
+            inside + self._above - self._first
         ) - down * self._above, self._rotation

@@ -9,11 +9,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from dart_skill.arm import ArmModel, ArmState, Command, Grip, rotation_error
+from dart_skill.arm import (
+    ArmModel,
+    ArmState,
+    Command,
+    Grip,
+    HandSeen,
+    HandState,
+    SeenOffset,
+    rotation_error,
+)
+from dart_skill.common.quaternions import from_vectors, matrices
 from dart_skill.simulation._teacher import Person, at_most, tremor
 
 MOST_LEFT = np.repeat([0.02, 0.3], 3)
 """What is left of a distance to the path is taken out as if it were no larger [m], [rad]."""
+
+
+BOTH_HANDS = (40.0, 0.6)
+"""Stiffness and damping of a turn that a person guides slowly, with both hands [N m/rad, N m s/rad].
+They know the hand from the joints alone, on the motors' side of the cables: with 60 and 3 the
+last joint of arms of config/fleet.yaml swings by a degree, at 24 Hz.
+"""
 
 
 class Guiding:
@@ -32,6 +49,9 @@ class Guiding:
         Stiffness and damping of the turn [N m/rad, N m s/rad].
     step
         Control period [s].
+    looks_at
+        Body that the person looks at, as a role: encoders that read wrong do not mislead them.
+        Empty: they believe the arm.
     """
 
     def __init__(
@@ -41,10 +61,37 @@ class Guiding:
         follows: float,
         firm_wrist: tuple[float, float],
         step: float,
+        looks_at: str = "",
     ):
         self.person = person or Person()
         self._follows, self._firm_wrist = follows, firm_wrist
         self._model, self._seed, self._step, self._times = ArmModel(), seed, step, 0
+        self._looks_at = looks_at
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing is seen yet: the world was reset."""
+        self._eyes = HandSeen(self._looks_at)
+        self._hand_off = SeenOffset(np.zeros(3), np.zeros(3))
+
+    def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """A pose of a body (3,) [m], (4,), as the person sees it."""
+        if body and body == self._looks_at:
+            self._eyes.see(stamp_ns, position, matrices(quaternion))
+
+    def look(self, state: ArmState) -> None:
+        """Compare what is seen with what the arm says; once for every state. `step` does so itself."""
+        if self._looks_at:
+            hand = self._model.hand_state(state.position, state.velocity)
+            place, turned = self._body_in_hand(hand)
+            shift, turn = self._eyes.offset(state.stamp_ns, place, turned)
+            lever = place - hand.position
+            swung = matrices(from_vectors(turn)) @ lever - lever
+            self._hand_off = SeenOffset(shift - swung, turn)
+
+    def _body_in_hand(self, hand: HandState) -> tuple[np.ndarray, np.ndarray]:
+        """Pose (3,), (3, 3) of the body that is looked at, by the arm. Default: it is the hand."""
+        return hand.position, hand.rotation
 
     def _begin_guiding(self, state: ArmState) -> None:
         """Another movement begins now, with its own random numbers."""
@@ -55,13 +102,16 @@ class Guiding:
 
     def step(self, state: ArmState) -> Command:
         """The push that answers one state, and what the fingers are told."""
+        self.look(state)
         time = self._time(state)
         position, rotation = self._wanted(time)
         ahead, ahead_rotation = self._wanted(time + self._step)
         velocity = (ahead - position) / self._step
         spin = rotation_error(ahead_rotation, rotation) / self._step
         hand = self._model.hand_state(state.position, state.velocity)
-        off = np.concatenate([position - hand.position, rotation_error(rotation, hand.rotation)])
+        shift, turn = self._hand_off
+        turned = matrices(from_vectors(turn)) @ hand.rotation
+        off = np.concatenate([position - hand.position - shift, rotation_error(rotation, turned)])
         self._left = np.clip(self._left + self._follows * self._step * off, -MOST_LEFT, MOST_LEFT)
         (k, d), (kr, dr) = self.person.firm_hand, self._firm_wrist
         self._tremble = tremor(self._tremble, self.person, self._rng, self._step)
@@ -111,7 +161,7 @@ class Holder(Guiding):
     """
 
     def __init__(self, seed: int = 0, person: Person | None = None, step: float = 0.002):
-        super().__init__(seed, person, follows=0.0, firm_wrist=(60.0, 3.0), step=step)
+        super().__init__(seed, person, follows=0.0, firm_wrist=BOTH_HANDS, step=step)
         self._met: tuple[np.ndarray, np.ndarray] | None = None
 
     def push(self, state: ArmState, holds: bool) -> Command | None:

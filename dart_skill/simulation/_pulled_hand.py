@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from dart_skill.arm import ArmState, Command, Grip
 from dart_skill.common.checks import check_unit_quaternions
-from dart_skill.simulation._guiding import Guiding
+from dart_skill.simulation._guiding import BOTH_HANDS, Guiding
 from dart_skill.simulation._teacher import Person
 
 
@@ -43,7 +43,7 @@ class Pulling:
     fastest_turn: float = 1.5
     quick: float = 15.0
     firm_hand: tuple[float, float] = (2000.0, 120.0)
-    firm_wrist: tuple[float, float] = (60.0, 3.0)
+    firm_wrist: tuple[float, float] = BOTH_HANDS
     strongest_push: float = 80.0
     follows: float = 6.0
     lead: float = 0.6

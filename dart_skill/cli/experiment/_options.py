@@ -84,7 +84,10 @@ def add_pose_skill(parser: argparse.ArgumentParser, tried: str, one: str) -> Non
     one
         What a line of the JSON is about.
     """
-    parser.add_argument("--seeds", type=positive, default=10, help="seeds 0 to N - 1 (default 10)")
+    parser.add_argument("--seeds", type=positive, default=10, help="how many (default 10)")
+    parser.add_argument(
+        "--first-seed", type=int, default=0, metavar="N", help="the first of them (default 0)"
+    )
     parser.add_argument(
         "--demonstrations", type=int, default=8, help="that are learned from (default 8)"
     )

@@ -15,6 +15,13 @@ def add_place(experiments: argparse._SubParsersAction) -> None:
         help="put parts into holders that stand elsewhere than where it was shown, and are turned",
     )
     add_pose_skill(parser, "parts", "part")
+    parser.add_argument(
+        "--own",
+        type=int,
+        default=0,
+        metavar="N",
+        help="own tries before them, from which the skill learns (default 0)",
+    )
     parser.set_defaults(run=_place)
 
 
@@ -24,10 +31,11 @@ def _place(options: argparse.Namespace) -> int:
 
     placed = all_of(
         pose_skills.place_seed,
-        range(options.seeds),
+        range(options.first_seed, options.first_seed + options.seeds),
         options.jobs,
         demonstrations=options.demonstrations,
         parts=options.parts,
+        own=options.own,
         arm=options.arm,
         representation=options.representation,
     )
@@ -55,7 +63,7 @@ def _reach(options: argparse.Namespace) -> int:
 
     reached = all_of(
         pose_skills.reach_seed,
-        range(options.seeds),
+        range(options.first_seed, options.first_seed + options.seeds),
         options.jobs,
         demonstrations=options.demonstrations,
         cups=options.cups,

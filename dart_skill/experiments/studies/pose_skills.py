@@ -18,6 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import Command, Mode, PlanRefused
+from dart_skill.common.situation import Pose
 from dart_skill.experiments.studies.throws import arm_of
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import Demonstration
@@ -26,7 +27,7 @@ from dart_skill.simulation import Belt, Holder
 from dart_skill.skills.execution import ReactiveGuide
 from dart_skill.skills.learning import LearnedSkill, NoPlan
 from dart_skill.skills.place import Place
-from dart_skill.skills.protocol import Skill
+from dart_skill.skills.protocol import Skill, TaskOutcome
 from dart_skill.skills.reach import Reach
 
 ATTEMPTS = 3
@@ -128,6 +129,7 @@ def place_seed(
     parts: int = 10,
     arm: str = "ideal",
     representation: str = "",
+    own: int = 0,
 ) -> list[Placed]:
     """Show, learn, and place parts, with what one seed draws. An arm "fleet" is another one for
     every seed.
@@ -136,26 +138,37 @@ def place_seed(
     ----------
     representation
         As in `configured`.
+    own
+        Tries before those that count, from which the skill learns.
     """
     skill, rng = configured(Place, representation), np.random.default_rng([seed, 7])
     session = BenchSession(skill, seed, arm=arm_of(arm, seed))
     learned = LearnedSkill(skill, teach_place(session, skill, rng, demonstrations))
     placed = []
-    for _ in range(parts):
-        holder = skill.draw(rng, wide=True).pose("holder")
-        away = float(np.hypot(*(holder.position[:2] - skill.settings.shown_at)))
-        turn = float(Rotation.from_quat(holder.quaternion).as_rotvec()[2])
-        try:
-            trial = session.execute(learned.plan(session.situation(holder)))
-        except (NoPlan, PlanRefused) as refusal:
-            placed.append(Placed(seed, away, turn, False, NAN, str(refusal)))
-            continue
-        learned.tell(trial.outcome)
-        reason = trial.message or trial.outcome.reason
-        success, error = trial.outcome.success, trial.outcome.error
-        placed.append(Placed(seed, away, turn, success, error, reason))
+    for number in range(own + parts):
+        one, outcome = _place_once(session, learned, skill.draw(rng, wide=True).pose("holder"))
+        if number >= own:
+            placed.append(one)
+        elif outcome is not None:
+            learned.tell(outcome)
     session.close()
     return placed
+
+
+def _place_once(
+    session: BenchSession, learned: LearnedSkill, holder: Pose
+) -> tuple[Placed, TaskOutcome | None]:
+    """One part, and what came of it; None without a plan."""
+    shown_at = learned.skill.settings.shown_at
+    away = float(np.hypot(*(holder.position[:2] - shown_at)))
+    turn = float(Rotation.from_quat(holder.quaternion).as_rotvec()[2])
+    try:
+        trial = session.execute(learned.plan(session.situation(holder)))
+    except (NoPlan, PlanRefused) as refusal:
+        return Placed(session.seed, away, turn, False, NAN, str(refusal)), None
+    outcome = trial.outcome
+    reason = trial.message or outcome.reason
+    return Placed(session.seed, away, turn, outcome.success, outcome.error, reason), outcome
 
 
 def place_table(placed: Sequence[Placed]) -> str:

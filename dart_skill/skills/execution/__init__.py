@@ -1,6 +1,5 @@
 """Carrying out a skill: bodies that move, and a model that is asked while the arm moves."""
 
-from dart_skill.skills.execution._hand_seen import ARM_MEMORY, FILTER_TIME, HandSeen
 from dart_skill.skills.execution._moving_body import (
     FEWEST_POSES,
     POSE_WINDOW,
@@ -10,11 +9,8 @@ from dart_skill.skills.execution._moving_body import (
 from dart_skill.skills.execution._reactive_guide import ReactiveGuide, ReactiveSettings
 
 __all__ = [
-    "ARM_MEMORY",
     "BodyMotion",
     "FEWEST_POSES",
-    "FILTER_TIME",
-    "HandSeen",
     "MovingBody",
     "POSE_WINDOW",
     "ReactiveGuide",

@@ -13,13 +13,17 @@ from dart_skill.arm import (
     Grip,
     GripEvent,
     Guidance,
+    HandSeen,
     HandState,
     PoseGains,
     Reference,
     Registration,
+    SeenOffset,
     Speed,
     paced,
+    shifted,
 )
+from dart_skill.common.quaternions import matrices
 from dart_skill.movement import (
     AutonomousDSGMR,
     Reaction,
@@ -27,7 +31,6 @@ from dart_skill.movement import (
     StateFrame,
     critical_damping,
 )
-from dart_skill.skills.execution._hand_seen import HandSeen
 from dart_skill.skills.execution._moving_body import BodyMotion, MovingBody
 
 Frames = Callable[[Mapping[str, BodyMotion]], Sequence[StateFrame]]
@@ -136,9 +139,8 @@ class ReactiveGuide:
         """A pose of a body; one that the motion does not depend on is left out."""
         stamp_ns -= round(1e9 * self._registration.delay)
         if body == self._look_at.name:
-            self._look_at.see(
-                stamp_ns, self._registration.poses(position[None], quaternion[None])[0][0]
-            )
+            place, turned = self._registration.poses(position[None], quaternion[None])
+            self._look_at.see(stamp_ns, place[0], matrices(turned[0]))
         if body in self._bodies:
             self._bodies[body].see(stamp_ns, *self._registration.of_body(position, quaternion))
 
@@ -160,11 +162,11 @@ class ReactiveGuide:
         self._then = time
         if missing := self.missing(stamp_ns):
             return self._still(hand, missing)
-        beside = self._look_at.beside(stamp_ns, hand.position)
+        seen = self._look_at.offset(stamp_ns, hand.position, hand.rotation)
         frames = self._frames({name: body.at(stamp_ns) for name, body in self._bodies.items()})
         before, reaction = (
             self.phase,
-            self._policy.react(frames, hand.position + beside, hand.linear, step),
+            self._policy.react(frames, hand.position + seen.shift, hand.linear, step),
         )
         self._pace += (min(reaction.rate, 1.0) - self._pace) * min(step / PACING, 1.0)
         if not self._policy.is_over:
@@ -173,7 +175,7 @@ class ReactiveGuide:
         grip, carries = self._fingers.at(self.phase)
         return Guidance(
             time=self.phase,
-            reference=self._reference(reaction, hand, beside),
+            reference=self._reference(reaction, hand, seen),
             gains=self._gains,
             grip=grip,
             carries=carries,
@@ -182,26 +184,22 @@ class ReactiveGuide:
             fault=self._fingers.fault,
         )
 
-    def _reference(self, reaction: Reaction, hand: HandState, beside: np.ndarray) -> Reference:
+    def _reference(self, reaction: Reaction, hand: HandState, seen: SeenOffset) -> Reference:
         """The hand is expected where the model has it at this phase, and moves as it does there,
         at the rate of the phase but no faster.
-
-        beside: where the hand is seen, from where the arm takes it to be (3,) [m].
         """
         k, d, rest = self._gains.stiffness[:3], self._gains.damping[:3], np.zeros(3)
-        position, velocity = reaction.moment.state[:3] - beside, reaction.moment.state[3:]
-        acceleration = k * (reaction.moment.attractor - beside - position) - d * velocity
+        position, velocity = reaction.moment.state[:3], reaction.moment.state[3:]
+        acceleration = k * (reaction.moment.attractor - position) - d * velocity
         # (7.20) at the pace of the phase: the attractor of a motion that waits does not pull it
         # on.
         attractor = position + (self._pace * d * velocity + self._pace**2 * acceleration) / k
-        nearer = self._too_far(position - hand.position)
+        nearer = self._too_far(position - hand.position - seen.shift)
         motion = np.append(velocity, rest), np.append(acceleration, rest)
-        return paced(
-            Reference(
-                attractor - nearer, self._rotation, position - nearer, self._rotation, *motion
-            ),
-            self._pace,
+        wanted = Reference(
+            attractor - nearer, self._rotation, position - nearer, self._rotation, *motion
         )
+        return paced(shifted(wanted, seen), self._pace)
 
     def _too_far(self, behind: np.ndarray) -> np.ndarray:
         """By how much of a distance (3,) [m] a hand that was left behind would be pulled to hurry."""

@@ -170,7 +170,7 @@ class EqualIntervals(ClockedRepresentation):
         features = movement.features[:, VECTORS[vector]]
         noise = position_noise(movement.time, features)
         stretched = movement.time * self.shown.duration / movement.duration
-        return smooth_derivatives(stretched, features, noise=np.repeat(noise, 3), at=clock)
+        return smooth_derivatives(stretched, features, noise=noise, at=clock)
 
     def bic(self) -> float:
         return sum(one.model.bic(one.features, one.frames) for one in map(self._fitted, VECTORS))

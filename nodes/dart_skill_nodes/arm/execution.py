@@ -67,11 +67,11 @@ class Execution:
     """Carries out goals of a node, one at a time, with a commander.
 
     * arm: tells whether all are there without whom it must not move.
-    * seen: poses for a motion that reacts, in step with the states; None for another skill.
+    * seen: poses for a motion that is corrected by them, in step with the states; None for a skill
+      that is too fast for that.
     * parameters: of the node, in force: frame_id, plan_timeout, watch_time.
 
-    Attributes: goal, the one under way; state, the newest one of the arm, None without one;
-    reacting, the motion under way that is told where the bodies are.
+    Attributes: goal, the one under way; state, the newest one of the arm, None without one.
     """
 
     def __init__(
@@ -87,7 +87,6 @@ class Execution:
         self._arm, self._seen = arm, seen
         self.goal: GoalUnderWay | None = None
         self.state: ArmState | None = None
-        self.reacting: ReactiveGuide | None = None
         self._calls = ServiceCalls(node)
         self._recorder = RecorderCalls(node, self._calls, "judge", "look")
         self._planner = node.create_client(Plan, "skill_learner/plan")
@@ -183,13 +182,12 @@ class Execution:
             self._commander.execute(plan)
         else:
             self._commander.follow(plan)
-            self.reacting = plan
+        if self._seen is not None:
             self._seen.begin(begun_ns)
         goal.armed = True
         self._feed("armed")
         await goal.over
-        if self.reacting is not None:
-            self.reacting = None
+        if self._seen is not None:
             self._seen.end()
         result.duration = conversions.duration_msg((goal.newest_ns - begun_ns) * 1e-9)
         opened_ns = self._commander.opened_ns

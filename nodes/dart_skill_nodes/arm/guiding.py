@@ -91,9 +91,9 @@ class ThrowShowing(Showing):
 
 
 class CarryShowing(Showing):
-    """A person who carries the first body of a skill to where it shall be."""
+    """A person who carries the first body of a skill to where it shall be, and looks at it."""
 
-    looks = True
+    looks = watches = True
     word = "carrying"
 
     def __init__(self, skill: Skill, p: dict[str, Any]):
@@ -104,7 +104,13 @@ class CarryShowing(Showing):
         # with rotations of SciPy, which a teacher of throws does without
         from dart_skill.simulation import Carrier
 
-        return Carrier(seed, person=person)
+        return Carrier(seed, person=person, part=self._skill.moves)
+
+    def forget(self) -> None:
+        self._person.forget()
+
+    def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
+        self._person.see(body, stamp_ns, position, quaternion)
 
     def begin(self, situation: Situation, state: ArmState, again: bool) -> None:
         seen = conversions.situation(situation)
@@ -125,19 +131,12 @@ class ReachShowing(CarryShowing):
     into it.
     """
 
-    watches = True
     word = "reaching"
 
     def _make_person(self, seed: int, person: Person) -> Any:
         from dart_skill.session import ReachingPerson
 
         return ReachingPerson(seed, person, self._skill.moves)
-
-    def forget(self) -> None:
-        self._person.forget()
-
-    def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
-        self._person.see(body, stamp_ns, position, quaternion)
 
     def begin(self, situation: Situation, state: ArmState, again: bool) -> None:
         self._person.begin(state)

@@ -65,6 +65,7 @@ class SeenInStep:
             None  # a state with its stamp [ns], and since when [s, wall clock]
         )
         self._since_ns: int | None = None
+        self._silent = False  # who tells what was delivered told nothing for PATIENCE
         self._subscriptions = MatchingSubscriptions(node)
         for role, name in name_of.items():
             self._subscriptions.subscribe(
@@ -102,7 +103,7 @@ class SeenInStep:
         """Whether nothing is on its way that was delivered by a stamp; so it is, for all that
         anybody knows, where nobody tells.
         """
-        if not self._node.count_publishers(DELIVERED):
+        if self._silent or not self._node.count_publishers(DELIVERED):
             return True
         while self._told and self._told[0][0] < stamp_ns:
             self._told.popleft()
@@ -145,6 +146,7 @@ class SeenInStep:
 
     def _on_delivered(self, message: FramesDelivered) -> None:
         newest = dict(zip(message.bodies, map(conversions.stamp_ns, message.newest), strict=True))
+        self._silent = False
         self._told.append((conversions.stamp_ns(message.stamp), newest))
         self._try_again()
 
@@ -155,4 +157,5 @@ class SeenInStep:
     def _look(self) -> None:
         """Cameras that died, or whose poses got lost for good, do not hold up the arm."""
         if self._waiting is not None and time.monotonic() - self._waiting[2] > PATIENCE:
+            self._silent = True
             self._release()

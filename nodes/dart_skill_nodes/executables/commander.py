@@ -22,6 +22,7 @@ from dart_skill.arm import (
     CommanderSettings,
     Mode,
     PlanRefused,
+    Speed,
     load_registration,
     wam_description,
 )
@@ -60,8 +61,8 @@ class CommanderNode(GuardedNode):
         self._fault = self._rivals = ""  # the latter: for which the arm was stopped
         self._freezes, self._arm_fault = FreezeDetector(), ""  # the latter: of its safety module
         self._command = self.create_publisher(WamCommand, COMMANDS, COMPLETE)
-        reacts, frame_id = self._skill.reacts, self.p["frame_id"]
-        self._seen = SeenInStep(self, name_of, frame_id, self._answer) if reacts else None
+        careful, frame_id = self._skill.speed == Speed.CAREFUL, self.p["frame_id"]
+        self._seen = SeenInStep(self, name_of, frame_id, self._answer) if careful else None
         self._states = hear_joint_states(self, self._on_state, raw=True)
         self._arm = ArmWatch(self, self._states, pose_topic(name_of[self._skill.moves]))
         self.execution = Execution(
@@ -102,11 +103,10 @@ class CommanderNode(GuardedNode):
             self._answer(state)
 
     def _answer(self, state: ArmState, sightings: Sequence[Sighting] = ()) -> None:
-        """Answer a state; sightings: what a motion that reacts has been told meanwhile."""
+        """Answer a state; sightings: what the cameras delivered meanwhile."""
         try:
-            if (reacting := self.execution.reacting) is not None:
-                for one in sightings:
-                    reacting.see(*one)
+            for one in sightings:
+                self._commander.see(*one)
             newest = self.execution.state
             if newest is None or state.stamp_ns != newest.stamp_ns:
                 self._written = self._writer.write(self._commander.step(state))

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from dart_skill.arm import (
+    CarefulGuide,
     Gains,
     GainsOverTime,
     Grip,
@@ -21,6 +22,7 @@ from dart_skill.arm import (
     PoseGains,
     Reference,
     References,
+    Registration,
     Speed,
     attractor_acceleration,
 )
@@ -312,3 +314,72 @@ def test_compiled_and_interpreted_have_the_same_bits(plan, monkeypatch):
         one, other = compiled.at(time), References(plan.motion).at(time)
         for name, value in vars(one).items():
             np.testing.assert_array_equal(value, getattr(other, name), err_msg=name)
+
+
+# careful motions
+
+
+def careful(**changes):
+    """A careful plan along x that carries something from the start."""
+    changes = {"events": (), "carries": True, "speed": Speed.CAREFUL} | changes
+    return along_x(**changes)
+
+
+def seen_beside(guide, off, until, lost_from=np.inf):
+    """What a guide says to a hand that comes along exactly, and is seen `off` (3,) [m] beside."""
+    said = []
+    for k in range(round(until / STEP)):
+        hand = hand_at(SPEED * STEP * k)
+        said.append(guide.look(STEP * k, hand, round(1e9 * STEP * k)))
+        if 2 < k and STEP * k < lost_from:
+            then = STEP * (k - 1)
+            place = np.array([SPEED * then, 0.0, 1.0]) + off
+            guide.see("hand", round(1e9 * then), place, UPRIGHT)
+    return said
+
+
+def test_a_careful_hand_is_led_to_where_cameras_shall_see_it():
+    off = np.array([0.0, 0.005, -0.003])
+    now = seen_beside(CarefulGuide(careful(), 0.05), off, 1.0)[-1]
+    # (the rest that is taken out leads it farther, as this hand does not obey)
+    plain = PlanGuide(careful(), 0.05).look(0.99, hand_at(SPEED * 0.99), 0)
+    led = now.reference.position - plain.reference.position
+    assert led[1] < -0.005 and led[2] > 0.003 and abs(led[0]) < 1e-9
+
+
+def test_the_body_on_the_hand_is_seen_through_the_registration():
+    registration = Registration(shift=(0.0, 0.5, 0.0))
+    guide = CarefulGuide(careful(), 0.05, registration)
+    now = seen_beside(guide, np.array([0.0, 0.5, 0.0]), 1.0)[-1]
+    assert now.reference.position == pytest.approx([SPEED * 0.99, 0.0, 1.0])
+
+
+def test_a_careful_motion_is_slower_while_its_hand_is_not_seen_and_goes_on():
+    said = seen_beside(CarefulGuide(careful(), 0.05), np.zeros(3), 1.5, lost_from=1.0)
+    rates = np.diff([now.time for now in said]) / STEP
+    assert rates[:100] == pytest.approx(1.0) and rates[-20:] == pytest.approx(0.5)
+    assert said[-1].reference.velocity[0] == pytest.approx(0.5 * SPEED)
+
+
+def test_without_cameras_a_careful_plan_is_carried_out_as_made():
+    said = looks(CarefulGuide(careful(), 0.05), SPEED * TIME[:150])
+    plain = looks(PlanGuide(careful(), 0.05), SPEED * TIME[:150])
+    for one, other in zip(said, plain, strict=True):
+        assert one.time == other.time and not one.touches
+        assert one.reference.position == pytest.approx(other.reference.position)
+
+
+def test_a_careful_hand_that_is_held_back_waits_and_feels_around():
+    guide, touched = CarefulGuide(careful(), 0.05, felt=0.02), []
+    for k in range(100):
+        touched.append(guide.look(STEP * k, hand_at(min(SPEED * STEP * k, 0.2)), 0))
+    assert not touched[40].touches and touched[-1].touches
+    assert touched[-1].time == touched[-2].time
+    assert not touched[-1].reference.velocity.any()
+    assert touched[-1].reference.attractor_position[1:] != pytest.approx([0.1, 1.1])
+
+
+def test_a_plan_with_a_pace_of_its_own_waits_by_that():
+    guide = CarefulGuide(careful(pace=by_place()), 0.05, felt=0.02)
+    said = looks(guide, np.full(200, 0.2))
+    assert not any(now.touches for now in said)

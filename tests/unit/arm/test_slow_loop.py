@@ -5,7 +5,14 @@ on such an arm.
 import numpy as np
 import pytest
 
-from dart_skill.arm import CommanderSettings, JointServo, Mode, wam_description
+from dart_skill.arm import (
+    FILTER_TIME,
+    TAKES_OUT,
+    CommanderSettings,
+    JointServo,
+    Mode,
+    wam_description,
+)
 from dart_skill.common.configuration import load_yaml
 from tests.unit.arm.test_commander import begin, finish  # noqa: F401
 
@@ -139,3 +146,50 @@ def test_the_rest_of_a_distance_is_taken_out_up_to_a_share_of_the_limits():
     assert np.abs(q).max() < 1e-4 and taken == pytest.approx(-push, rel=1e-2)
     far = servo.take_out(np.zeros(7), np.full(7, 3.0), wanted, 10.0)
     assert far == pytest.approx(-servo.SHARE * servo.LIMIT)
+
+
+# the loop that is closed by what is seen
+
+GIVES = 1300.0, 100.0
+"""Stiffness [1/s^2] and damping [1/s] of attractor and second pull together: how a shift of what is
+wanted becomes motion of the model.
+"""
+
+
+def seen_loop(joint, link, stiffness, takes_out, filter_time, latency, delay=1):
+    """Frequency response (n,) from where the hand is aimed at to by how much it is corrected: the
+    joints follow a model of the arm whose torques are fed forward; cameras see the link.
+    """
+    s = 1j * np.logspace(-1, 2.7, 3000)
+    motor, late = REFLECTED[joint], np.exp(-s * (delay + 0.5) * PERIOD)
+    spring = stiffness + 2.0 * DAMPING_RATIO * np.sqrt(stiffness * motor) * s
+    gains, friction = JointServo.FOLLOWING, LEAST_FRICTION[joint] * s
+    servo = (gains.stiffness[joint] + gains.damping[joint] * s * FILTER / (s + FILTER)) * late
+    seen = spring / (link * s**2 + spring)  # of the link, by what the motor does
+    fed = (motor + link) * s**2 * late + friction
+    follows = (servo + fed) / (motor * s**2 + friction + spring * (1.0 - seen) + servo)
+    model = GIVES[0] / (s**2 + GIVES[1] * s + GIVES[0])
+    frame = 0.005  # half a frame of 100 Hz
+    eyes = np.exp(-s * (latency + frame)) / (filter_time * s + 1.0)
+    known = follows * (1.0 + (seen - 1.0) * eyes)
+    return model * (takes_out / s * known + (seen - 1.0) * follows * eyes)
+
+
+def margin(takes_out, filter_time):
+    """Least modulus margin over joints, loads, cables and cameras that are up to 20 ms late."""
+    return min(
+        np.abs(
+            1.0 + seen_loop(joint, link, share * STIFFNESS[joint], takes_out, filter_time, late)
+        ).min()
+        for joint in range(7)
+        for link in LINKS[joint]
+        for share in (0.5, 1.0, 2.0)
+        for late in (0.0, 0.006, 0.012, 0.02)
+    )
+
+
+def test_the_loop_that_cameras_close_has_the_margins_that_its_constants_say():
+    """Cables give to what the correction asks of them: a faster filter would make arms swing."""
+    assert margin(0.0, FILTER_TIME) == pytest.approx(0.67, abs=0.01)
+    assert margin(TAKES_OUT, FILTER_TIME) == pytest.approx(0.55, abs=0.01)
+    assert margin(0.0, 0.5 * FILTER_TIME) == pytest.approx(0.36, abs=0.01)

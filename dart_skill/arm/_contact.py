@@ -1,0 +1,121 @@
+"""What a careful motion does when that which the hand carries touches something: it feels for the way
+in, backs out and tries again, and says so where it does not go in.
+
+Contact is felt from the encoders alone: a hand that does not come along with its plan is held back.
+The search is a spiral across the direction of the motion at constant speed, while the hand presses
+lightly (Chhatpar and Branicky, "Search strategies for peg-in-hole assemblies with position
+uncertainty", IROS 2001).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+SLOWEST = 0.005
+"""Planned speed below which the motion has no direction in which it could be held back [m/s]."""
+PITCH = 0.003
+"""Distance between two turns of the spiral [m]: less than parts have play."""
+FEELS = 0.02
+"""Speed along the spiral [m/s]."""
+WIDEST = 0.009
+"""Radius at which a search is given up [m]."""
+GAVE_WAY = 0.004
+"""Way along the motion by which the hand has found in [m]."""
+BACK = 0.8
+"""So much of the plan is gone backwards before the second try [s]."""
+TRIES = 2
+"""Searches from the outside, until the motion is given up."""
+
+
+class ContactSearch:
+    """Watches one motion for contact, and searches.
+
+    Attributes: aside, where the search has moved the hand (3,) [m]; touches, whether the hand is
+    held back now; fault, why the motion is given up, empty while it is not.
+
+    Parameters
+    ----------
+    felt
+        Distance by which the hand stays behind its plan where it is held back [m]. It also says how
+        hard the hand presses.
+    """
+
+    def __init__(self, felt: float):
+        self._felt = felt
+        self._tries, self._backs_until = 0, 0.0
+        self._axis: np.ndarray | None = None
+        self.aside, self.fault = np.zeros(3), ""
+
+    @property
+    def touches(self) -> bool:
+        """Whether the hand is held back now."""
+        return self._axis is not None
+
+    def across(self, way: np.ndarray) -> np.ndarray:
+        """What of a way (3,) is across the motion that is held back; all of it where none is."""
+        return way if self._axis is None else way - (way @ self._axis) * self._axis
+
+    def rate(
+        self,
+        time: float,
+        step: float,
+        hand: np.ndarray,
+        wanted: np.ndarray,
+        velocity: np.ndarray,
+        carries: bool,
+    ) -> float:
+        """Rate of the plan's clock: 1 as planned, 0 while it is searched, -1 on the way back.
+
+        Parameters
+        ----------
+        time, step
+            Since the motion began, and since the last state [s].
+        hand, wanted
+            Where the hand is, and where it shall be (3,) [m].
+        velocity
+            Planned there (3,) [m/s].
+        carries
+            Whether the hand holds something.
+        """
+        if time < self._backs_until:
+            return -1.0
+        if self._tries == TRIES:
+            self.fault = (
+                "what the hand carries touched something on its way, and did not go in within"
+                f" {1e3 * WIDEST:.0f} mm of it in {TRIES} tries"
+            )
+        if self.fault or not carries:
+            return 1.0
+        if self._axis is None and not self._meets(hand, wanted, velocity):
+            return 1.0
+        if (hand - self._met) @ self._axis > GAVE_WAY:
+            self._axis = None
+            return 1.0
+        if self._widen(step):
+            return 0.0
+        self._back_out(time)
+        return -1.0
+
+    def _meets(self, hand: np.ndarray, wanted: np.ndarray, velocity: np.ndarray) -> bool:
+        """Whether a hand that was free is held back from now on."""
+        speed = float(np.linalg.norm(velocity))
+        if speed < SLOWEST or (wanted - hand) @ velocity < self._felt * speed:
+            return False
+        self._axis, self._met = velocity / speed, hand.copy()
+        first = np.cross(self._axis, np.eye(3)[np.abs(self._axis).argmin()])
+        self._plane = np.array([first, np.cross(self._axis, first)]) / np.linalg.norm(first)
+        self._angle, self._centre = 0.0, self.aside
+        return True
+
+    def _widen(self, step: float) -> bool:
+        """Go on along the spiral; False at its end."""
+        radius = PITCH * self._angle / (2.0 * np.pi)
+        self._angle += FEELS * step / max(radius, 0.25 * PITCH)
+        sense = (-1.0) ** self._tries
+        turned = np.array([np.cos(self._angle), sense * np.sin(self._angle)])
+        self.aside = self._centre + radius * turned @ self._plane
+        return radius < WIDEST
+
+    def _back_out(self, time: float) -> None:
+        self._tries += 1
+        self._backs_until, self._axis, self.aside = time + BACK, None, np.zeros(3)

@@ -1,0 +1,82 @@
+"""A careful motion that touches something: felt, searched around, backed out of, and given up."""
+
+import numpy as np
+import pytest
+
+from dart_skill.arm import ContactSearch
+
+STEP, FELT = 0.002, 0.01
+DOWN = np.array([0.0, 0.0, -0.04])
+"""Planned velocity [m/s]."""
+
+
+def lowered(hole, seconds=15.0, carries=True, velocity=DOWN, play=0.003):
+    """A hand that follows what is wanted, but for a plate at z = 0 with a hole of this play at a
+    place (2,), None for none: rows of hand (3,), wanted (3,), rate; and the search.
+    """
+    search, planned, hand, rows = ContactSearch(FELT), np.array([0.0, 0.0, 0.03]), None, []
+    for k in range(round(seconds / STEP)):
+        wanted = planned + search.aside
+        through = hole is not None and np.hypot(*(wanted[:2] - hole)) < play
+        inside = hand is not None and hand[2] < 0.0
+        hand = wanted.copy()
+        if not (through or inside):
+            hand[2] = max(hand[2], 0.0)
+        rate = search.rate(STEP * k, STEP, hand, wanted, velocity, carries)
+        rows.append((hand, wanted, rate))
+        planned = planned + rate * STEP * velocity
+        if search.fault:
+            break
+    return rows, search
+
+
+def test_a_hand_that_comes_along_is_left_alone():
+    rows, search = lowered(np.zeros(2), 2.0)
+    assert {rate for *_, rate in rows} == {1.0} and not search.touches and not search.aside.any()
+
+
+@pytest.mark.parametrize("place", [(0.005, 0.0), (-0.004, 0.005), (0.0, -0.007), (0.006, 0.005)])
+def test_it_finds_a_hole_that_is_beside(place):
+    rows, search = lowered(np.array(place), 10.0)
+    assert not search.fault and rows[-1][0][2] < -0.01
+    assert np.hypot(*(search.aside[:2] - place)) < 0.003 and search.aside[2] == 0.0
+
+
+def test_it_presses_no_harder_than_it_felt_and_moves_slowly():
+    rows, _ = lowered(np.array([0.006, 0.005]), 10.0)
+    hand, wanted = (np.array([row[k] for row in rows]) for k in (0, 1))
+    assert (hand - wanted)[:, 2].max() < FELT + 2 * STEP * 0.04
+    searching = np.array([row[2] for row in rows[:-1]]) == 0.0
+    speed = np.linalg.norm(np.diff(hand[:, :2], axis=0), axis=1)[searching] / STEP
+    assert 0.02 < np.median(speed) < 0.03
+
+
+def test_without_a_hole_it_backs_out_tries_once_more_and_gives_up_outside():
+    rows, search = lowered(None)
+    rates = np.array([rate for *_, rate in rows])
+    backs = np.flatnonzero(np.diff((rates == -1.0).astype(int)) == 1)
+    assert len(backs) == 2 and "did not go in within 9 mm of it in 2 tries" in search.fault
+    assert rows[-1][0][2] > 0.015 and not search.touches and not search.aside.any()
+
+
+def test_the_two_searches_turn_in_opposite_senses():
+    rows, _ = lowered(None)
+    searching = np.flatnonzero([rate == 0.0 for *_, rate in rows])
+    spins = []
+    for part in np.split(searching, np.flatnonzero(np.diff(searching) > 1) + 1):
+        x, y = np.array([rows[k][0][:2] for k in part]).T
+        spins.append(np.sum(x[:-1] * y[1:] - y[:-1] * x[1:]))
+    assert len(spins) == 2 and spins[0] * spins[1] < 0.0
+
+
+@pytest.mark.parametrize("how", [{"carries": False}, {"velocity": np.array([0.0, 0.0, -0.004])}])
+def test_an_empty_hand_or_one_that_is_to_rest_does_not_search(how):
+    rows, search = lowered(None, 3.0, **how)
+    assert {rate for *_, rate in rows} == {1.0} and not search.touches
+
+
+def test_while_it_searches_only_what_is_across_counts_as_left():
+    _, search = lowered(None, 2.0)
+    assert search.touches
+    assert search.across(np.array([1.0, 2.0, 3.0])) == pytest.approx([1.0, 2.0, 0.0])
+    assert ContactSearch(FELT).across(np.array([1.0, 2.0, 3.0])) == pytest.approx([1.0, 2.0, 3.0])
