@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from dart_skill.arm import ArmState, Grip, HandState
 from dart_skill.common.constants import HAND
-from dart_skill.simulation._guiding import BOTH_HANDS, Guiding, smooth
+from dart_skill.simulation._guiding import SLOW_HAND, SLOW_WRIST, Guiding, smooth
 from dart_skill.simulation._teacher import Person
 from dart_skill.simulation._workbench import Pose
 
@@ -42,9 +42,8 @@ class Carrying:
         At the end, before the fingers open [s].
     follows
         How fast what is left of the distance to the path is taken out [1/s]: a person sees it.
-    firm_wrist
-        Stiffness and damping of the turn [N m/rad, N m s/rad]; firmer than in a swing, with both
-        hands.
+    firm_hand, firm_wrist
+        As of `Guiding`.
     """
 
     wait: float = 0.4
@@ -57,7 +56,8 @@ class Carrying:
     turn_spread: float = 0.01
     rest: float = 0.3
     follows: float = 6.0
-    firm_wrist: tuple[float, float] = BOTH_HANDS
+    firm_hand: tuple[float, float] = SLOW_HAND
+    firm_wrist: tuple[float, float] = SLOW_WRIST
 
 
 class Carrier(Guiding):
@@ -85,7 +85,13 @@ class Carrier(Guiding):
     ):
         self.carrying = carrying or Carrying()
         super().__init__(
-            seed, person, self.carrying.follows, self.carrying.firm_wrist, step, looks_at=part
+            seed,
+            person,
+            self.carrying.follows,
+            self.carrying.firm_hand,
+            self.carrying.firm_wrist,
+            step,
+            looks_at=part,
         )
 
     def begin(self, state: ArmState, part: Pose, goal: Pose) -> None:
@@ -183,7 +189,7 @@ class Reaching:
         Of where the hand ends in the cup, along each axis [m].
     rest
         The hand stays in the cup for so long [s].
-    follows, firm_wrist
+    follows, firm_hand, firm_wrist
         As of `Guiding`.
     """
 
@@ -196,7 +202,8 @@ class Reaching:
     aim_spread: float = 0.003
     rest: float = 1.0
     follows: float = 6.0
-    firm_wrist: tuple[float, float] = BOTH_HANDS
+    firm_hand: tuple[float, float] = SLOW_HAND
+    firm_wrist: tuple[float, float] = SLOW_WRIST
 
 
 class Reacher(Guiding):
@@ -224,7 +231,13 @@ class Reacher(Guiding):
     ):
         self.reaching = reaching or Reaching()
         super().__init__(
-            seed, person, self.reaching.follows, self.reaching.firm_wrist, step, looks_at=hand
+            seed,
+            person,
+            self.reaching.follows,
+            self.reaching.firm_hand,
+            self.reaching.firm_wrist,
+            step,
+            looks_at=hand,
         )
 
     def begin(self, state: ArmState) -> None:

@@ -26,11 +26,13 @@ MOST_LEFT = np.repeat([0.02, 0.3], 3)
 """What is left of a distance to the path is taken out as if it were no larger [m], [rad]."""
 
 
-BOTH_HANDS = (40.0, 0.6)
-"""Stiffness and damping of a turn that a person guides slowly, with both hands [N m/rad, N m s/rad].
-They know the hand from the joints alone, on the motors' side of the cables: with 60 and 3 the
-last joint of arms of config/fleet.yaml swings by a degree, at 24 Hz.
+SLOW_HAND = (2500.0, 100.0)
+"""Stiffness and damping of a push that guides slowly [N/m, N s/m]. The simulated person knows the
+hand from the joints, on the motors' side of the cables: as firm as in a swing they would make arms
+of config/fleet.yaml swing by millimetres.
 """
+SLOW_WRIST = (40.0, 0.6)
+"""The same of a turn, with both hands [N m/rad, N m s/rad]."""
 
 
 class Guiding:
@@ -45,8 +47,8 @@ class Guiding:
         How firmly they push.
     follows
         How fast what is left of the distance to the path is taken out [1/s]: a person sees it.
-    firm_wrist
-        Stiffness and damping of the turn [N m/rad, N m s/rad].
+    firm_hand, firm_wrist
+        Stiffness and damping of the push [N/m, N s/m] and of the turn [N m/rad, N m s/rad].
     step
         Control period [s].
     looks_at
@@ -59,12 +61,13 @@ class Guiding:
         seed: int,
         person: Person | None,
         follows: float,
+        firm_hand: tuple[float, float],
         firm_wrist: tuple[float, float],
         step: float,
         looks_at: str = "",
     ):
         self.person = person or Person()
-        self._follows, self._firm_wrist = follows, firm_wrist
+        self._follows, self._firm_hand, self._firm_wrist = follows, firm_hand, firm_wrist
         self._model, self._seed, self._step, self._times = ArmModel(), seed, step, 0
         self._looks_at = looks_at
         self.forget()
@@ -113,7 +116,7 @@ class Guiding:
         turned = matrices(from_vectors(turn)) @ hand.rotation
         off = np.concatenate([position - hand.position - shift, rotation_error(rotation, turned)])
         self._left = np.clip(self._left + self._follows * self._step * off, -MOST_LEFT, MOST_LEFT)
-        (k, d), (kr, dr) = self.person.firm_hand, self._firm_wrist
+        (k, d), (kr, dr) = self._firm_hand, self._firm_wrist
         self._tremble = tremor(self._tremble, self.person, self._rng, self._step)
         force = k * (off[:3] + self._left[:3]) + d * (velocity - hand.linear) + self._tremble
         twist = kr * (off[3:] + self._left[3:]) + dr * (spin - hand.angular)
@@ -161,7 +164,9 @@ class Holder(Guiding):
     """
 
     def __init__(self, seed: int = 0, person: Person | None = None, step: float = 0.002):
-        super().__init__(seed, person, follows=0.0, firm_wrist=BOTH_HANDS, step=step)
+        super().__init__(
+            seed, person, follows=0.0, firm_hand=SLOW_HAND, firm_wrist=SLOW_WRIST, step=step
+        )
         self._met: tuple[np.ndarray, np.ndarray] | None = None
 
     def push(self, state: ArmState, holds: bool) -> Command | None:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from dart_skill.arm import ArmState, Command, Grip
 from dart_skill.common.checks import check_unit_quaternions
-from dart_skill.simulation._guiding import BOTH_HANDS, Guiding
+from dart_skill.simulation._guiding import SLOW_WRIST, Guiding
 from dart_skill.simulation._teacher import Person
 
 
@@ -43,7 +43,7 @@ class Pulling:
     fastest_turn: float = 1.5
     quick: float = 15.0
     firm_hand: tuple[float, float] = (2000.0, 120.0)
-    firm_wrist: tuple[float, float] = BOTH_HANDS
+    firm_wrist: tuple[float, float] = SLOW_WRIST
     strongest_push: float = 80.0
     follows: float = 6.0
     lead: float = 0.6
@@ -65,8 +65,8 @@ class PulledHand(Guiding):
     def __init__(self, pulling: Pulling | None = None, step: float = 0.002):
         p = self.pulling = pulling or Pulling()
         # the person with the mouse trembles enough
-        person = Person(tremble=0.0, firm_hand=p.firm_hand, strongest_push=p.strongest_push)
-        super().__init__(0, person, p.follows, p.firm_wrist, step)
+        person = Person(tremble=0.0, strongest_push=p.strongest_push)
+        super().__init__(0, person, p.follows, p.firm_hand, p.firm_wrist, step)
         self._guides, self._now = False, 0.0
 
     @property

@@ -76,12 +76,10 @@ class Lesson:
             await self._need_cameras()
             feed("preparing")
             showing.check(situation, attempt > 1)
-            begun_ns, opened_ns, ended_ns = await self._guided_movement(
-                situation, attempt > 1, feed
-            )
-            until_ns = ended_ns - ARRIVAL_NS
+            seen = await self._guided_movement(situation, attempt > 1, feed)
+            hands, until_ns = self._hands, self._hands.ended_ns - ARRIVAL_NS
             outcome = result.outcome = await self._recorder.outcome(
-                situation, opened_ns, until_ns, begun_ns
+                seen, hands.opened_ns, until_ns, hands.begun_ns
             )
             reason = "" if outcome.success else outcome.message or "missed"
             kept = await self._recorder.stop(until_ns, bool(outcome.success), reason)
@@ -94,9 +92,9 @@ class Lesson:
 
     async def _guided_movement(
         self, situation: Situation, again: bool, feed: Callable[[str], None]
-    ) -> tuple[int, int, int]:
-        """Stamps of when it began, when the fingers were told to open, 0 if they were not, and of
-        when it ended [ns].
+    ) -> Situation:
+        """The situation in which the movement was made: as the person saw it, where they look
+        first, else as asked. `hands` has the stamps.
         """
         hands, showing = self._hands, self._hands.showing
         hands.let_go()
@@ -110,7 +108,10 @@ class Lesson:
             showing.forget()
             self._seen.begin(first_ns)
         await self._until(lambda: hands.newest_ns >= first_ns, "the state after the reset")
-        seen = await self._where_bodies_are() if showing.looks else situation
+        seen = situation
+        if showing.looks:  # cameras may see a world that is turned and shifted
+            seen = await self._where_bodies_are()
+            seen.names, seen.numbers = situation.names, situation.numbers
         over = hands.begin(seen, again)
         feed("armed")
         await self._hold(False)
@@ -123,7 +124,7 @@ class Lesson:
         await self.free_arm(False)
         if failure:
             raise GraphFailure(failure)
-        return hands.begun_ns, hands.opened_ns, hands.ended_ns
+        return seen
 
     async def free_arm(self, free: bool) -> None:
         """Leave the arm to the hands, or hold it."""
