@@ -29,7 +29,7 @@ from dart_skill.recording import (
     type_hash,
     typestore,
 )
-from dart_skill.recording.bags._metadata import profiles
+from dart_skill.recording.bags.metadata import profiles
 from tests.unit.recording.bag_files import mcap_file, write_bag
 
 TOPICS = {
@@ -473,10 +473,9 @@ def test_a_bag_is_split_into_whole_files_that_all_readers_join_again(tmp_path, t
     for file, told in zip(files, information["files"], strict=True):
         with open(file, "rb") as stream:
             read = list(make_reader(stream, validate_crcs=True).iter_messages())
-        with BagReader(file) as reader:
-            closed = yaml.safe_load(
-                reader._source._files[0].metadata()[-1].metadata["serialized_metadata"]
-            )
+            stream.seek(0)
+            *_, last = make_reader(stream).iter_metadata()
+        closed = yaml.safe_load(last.metadata["serialized_metadata"])
         times = [message.log_time for _, _, message in read]
         assert told["path"] == file.name and told["message_count"] == closed[
             "message_count"
