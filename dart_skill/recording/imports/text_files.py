@@ -25,8 +25,8 @@ from dart_skill.common.files import open_file
 from dart_skill.recording.imports.mapping import TIME_UNITS
 
 DELIMITERS = ("\t", ";", ",")
-"""Between cells, in the order in which they are tried: a comma may be a decimal one where there
-are others.
+"""Characters between cells, in the order in which they are tried: a comma may be a decimal one where
+there are others.
 """
 MISSING = {
     "",
@@ -58,11 +58,11 @@ SAMPLE = 65_536
 LAST_LINES = 10
 """Number of lines at the end of the sample that tell the delimiter; a header may precede them."""
 LATEST_NS = 2**62
-"""Later than any time of a recording [ns]."""
+"""Time that no recording reaches [ns]."""
 SCALES = {unit: int(scale) for unit, scale in TIME_UNITS.items()}
 """Nanoseconds of each unit of time, as whole numbers."""
 CHUNK = 4096
-"""Rows that become numbers at a time."""
+"""Number of rows that become numbers at a time."""
 
 
 class TextRow(NamedTuple):

@@ -14,8 +14,8 @@ from dart_skill.recording.bags import (
     serialize,
     typestore,
 )
-from dart_skill.recording.grip_signal import read_command, read_commands
 from dart_skill.recording.imports.pose_faults import usual_steps
+from dart_skill.recording.signals import read_command, read_commands
 
 TYPES = typestore()
 RNG = np.random.default_rng(0)
