@@ -13,7 +13,6 @@ from contextlib import suppress
 from functools import lru_cache
 from typing import Any
 
-from mcap.records import Schema
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -108,11 +107,6 @@ def _damaged(error: Exception) -> str:
     text = " ".join(str(error).split())
     more = " ..." if len(text) > 120 else ""
     return f"whose definition in the bag is damaged ({text[:120]}{more})"
-
-
-def definition_of(schema: Schema) -> tuple[str, str, str]:
-    """Full type name, encoding and text of a definition."""
-    return full_name(schema.name), schema.encoding, schema.data.decode(errors="replace")
 
 
 def parts_of(name: str, parts: list[str]) -> dict:

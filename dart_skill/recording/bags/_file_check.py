@@ -16,13 +16,13 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from rosbags.typesys.store import Typestore
 
-from dart_skill.recording.bags._definitions import definition_of, embedded_types
+from dart_skill.recording.bags._definitions import embedded_types
 from dart_skill.recording.bags._findings import RECOVER, REWRITE, Finding, TimeLine
 from dart_skill.recording.bags._other_inputs import SqliteInput
 from dart_skill.recording.bags.columns import Decoder
 from dart_skill.recording.bags.files import open_input, unpacker_of
 from dart_skill.recording.bags.messages import shared_types
-from dart_skill.recording.bags.metadata import full_name, message_encoding, profiles
+from dart_skill.recording.bags.metadata import definition_of, full_name, message_encoding, profiles
 from dart_skill.recording.mcap import (
     Damage,
     DamagedError,

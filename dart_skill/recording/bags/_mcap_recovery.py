@@ -15,7 +15,7 @@ from zlib import crc32
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
-from dart_skill.recording.bags._definitions import definition_of, embedded_types
+from dart_skill.recording.bags._definitions import embedded_types
 from dart_skill.recording.bags._recovered_bag import (
     OWN_LIBRARY,
     TOGETHER,
@@ -24,7 +24,7 @@ from dart_skill.recording.bags._recovered_bag import (
     installed_schema,
     type_of_hash,
 )
-from dart_skill.recording.bags.metadata import RECORD_NAME, parse_record
+from dart_skill.recording.bags.metadata import RECORD_NAME, definition_of, parse_record
 from dart_skill.recording.mcap import (
     Chunk,
     Damage,

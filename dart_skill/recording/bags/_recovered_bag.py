@@ -15,7 +15,7 @@ from pathlib import Path
 from mcap.records import Channel, Schema
 from rosbags.typesys.store import Typestore
 
-from dart_skill.recording.bags._definitions import definition_of, embedded_types
+from dart_skill.recording.bags._definitions import embedded_types
 from dart_skill.recording.bags.columns import Decoder
 from dart_skill.recording.bags.files import part_number, plain_message, sync_folder
 from dart_skill.recording.bags.messages import definition, shared_types, type_hash, types_for
@@ -23,6 +23,7 @@ from dart_skill.recording.bags.metadata import (
     RECORD_NAME,
     TopicMetadata,
     bag_metadata,
+    definition_of,
     full_name,
     parse_qos,
     record_values,
@@ -500,9 +501,6 @@ def types_with(type_name: str) -> Typestore | None:
     type_name
         As package/msg/Name.
     """
-    standard = shared_types()
-    if type_name in standard.fielddefs:
-        return standard
     with suppress(ValueError):
         return types_for(type_name)
     return None

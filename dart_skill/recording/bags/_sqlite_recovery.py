@@ -14,7 +14,7 @@ from pathlib import Path
 
 from mcap.records import Channel, Schema
 
-from dart_skill.recording.bags._definitions import definition_of, embedded_types
+from dart_skill.recording.bags._definitions import embedded_types
 from dart_skill.recording.bags._other_inputs import copy_with_side_files
 from dart_skill.recording.bags._recovered_bag import (
     TOGETHER,
@@ -28,7 +28,7 @@ from dart_skill.recording.bags._sqlite_pages import Pages
 from dart_skill.recording.bags.columns import Decoder
 from dart_skill.recording.bags.files import SIDE_FILES, plain_message, side_files
 from dart_skill.recording.bags.messages import type_hash
-from dart_skill.recording.bags.metadata import RECORD_KEY, full_name, parse_record
+from dart_skill.recording.bags.metadata import RECORD_KEY, definition_of, full_name, parse_record
 from dart_skill.recording.mcap import Message, mapped
 
 SMALLEST_ROW = 8

@@ -29,7 +29,7 @@ from dart_skill.common.files import open_file
 from dart_skill.recording.bags.files import sync_folder
 
 if TYPE_CHECKING:
-    from mcap.records import Channel
+    from mcap.records import Channel, Schema
 
     from dart_skill.recording.mcap import McapFile
 
@@ -79,6 +79,11 @@ def full_name(type_name: str) -> str:
         return "/".join(match.groups())
     package, slash, name = type_name.partition("/")
     return f"{package}/msg/{name}" if slash and package and name and "/" not in name else type_name
+
+
+def definition_of(schema: Schema) -> tuple[str, str, str]:
+    """Full type name, encoding and text of a definition."""
+    return full_name(schema.name), schema.encoding, schema.data.decode(errors="replace")
 
 
 def message_encoding(channel: Channel) -> str:
@@ -371,23 +376,13 @@ def _extent(files: Sequence[McapFile]) -> dict:
     }
 
 
-_Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-
-
-class _NoAliases(_Dumper):
-    """yaml-cpp, which rosbag2 reads with, knows anchors, but people who read the file do not
-    expect them.
-    """
-
-    def ignore_aliases(self, data: Any) -> bool:
-        return True
-
-
 def dump(content: Any) -> str:
-    """YAML text."""
-    return yaml.dump(content, Dumper=_NoAliases, sort_keys=False)
+    """YAML text, without anchors: people who read the file do not expect them."""
+    repeated = json.loads(json.dumps(content))  # so that nothing in it is there twice
+    return yaml.dump(repeated, Dumper=_DUMPER, sort_keys=False)
 
 
+_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 LARGEST_TEXT = 2_000_000
 """Size of the metadata of a bag of ten thousand files [characters]."""
 DEEPEST = 30

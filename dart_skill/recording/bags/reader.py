@@ -36,6 +36,7 @@ from dart_skill.recording.bags.files import (
 from dart_skill.recording.bags.metadata import (
     METADATA_FILE,
     RECORD_NAME,
+    definition_of,
     full_name,
     known_metadata,
     lost_in,
@@ -200,7 +201,7 @@ class BagReader:
         self.files = [self._file(*both) for both in zip(files, self._inputs, strict=True)]
         # each file of a split bag has all of them
         schemas = (schema for file in self._inputs for schema in file.schemas.values())
-        self._definitions = tuple(dict.fromkeys(map(_definition, schemas)))
+        self._definitions = tuple(dict.fromkeys(map(definition_of, schemas)))
         self.custom_data: dict[str, str] = dict(self.metadata.get("custom_data") or {})
         self.message_count = sum(topic.count for topic in self.topics.values())
         self.storage = self._inputs[0].storage
@@ -383,7 +384,7 @@ class BagReader:
                 type_name = _type_of(file, channel) or self._types[name]
                 if with_definitions and ways[type_name] > 1:
                     type_name = _DefinedType(type_name)
-                    type_name.definition = _definition(file.schemas[channel.schema_id])
+                    type_name.definition = definition_of(file.schemas[channel.schema_id])
                 wanted[number] = (name, type_name)
             parts += file.parts(wanted, start_ns, stop_ns)
         return unpacked_messages(in_time_order(parts))
@@ -518,11 +519,6 @@ class _DefinedType(str):
     """
 
     definition: tuple[str, str, str]
-
-
-def _definition(schema: Any) -> tuple[str, str, str]:
-    """As `definition_of`, whose module takes longer to import than it takes to open a bag."""
-    return full_name(schema.name), schema.encoding, schema.data.decode(errors="replace")
 
 
 def _of_tables(folder: Path) -> str:

@@ -311,21 +311,11 @@ def _never_moving(bodies: Mapping[str, PoseStream]) -> list[Fault]:
     for role in ("hand", "ball"):
         stream = bodies.get(role)
         if stream is not None and len(stream) >= FEW and not np.ptp(stream.position, axis=0).any():
-            start, stop = int(stream.stamp_ns.min()), int(stream.stamp_ns.max())
-            faults.append(
-                Fault(
-                    "stale",
-                    role,
-                    start,
-                    stop,
-                    len(stream),
-                    (
-                        f"{len(stream)} poses that are the same to the last bit: a body that was lost, or"
-                        " is not the one that moved"
-                    ),
-                    False,
-                )
+            text = (
+                f"{len(stream)} poses that are the same to the last bit: a body that was lost, or"
+                " is not the one that moved"
             )
+            faults.append(Fault.of("stale", role, stream.stamp_ns, text))
     return faults
 
 
@@ -342,17 +332,8 @@ def _standing(
         ):
             still[role] = np.concatenate([stream.position[0], stream.quaternion[0]])
             at = ", ".join(f"{x:.3f}" for x in still[role][:3])
-            faults.append(
-                Fault(
-                    NOTE,
-                    role,
-                    int(stream.stamp_ns[0]),
-                    int(stream.stamp_ns[-1]),
-                    len(stream),
-                    f"published {len(stream)} times, always at ({at}): taken to stand there",
-                    True,
-                )
-            )
+            text = f"published {len(stream)} times, always at ({at}): taken to stand there"
+            faults.append(Fault.of(NOTE, role, stream.stamp_ns, text, True))
         if role in still and len(stream) < FEW:
             found[role] = _resting(role, still[role], hand, frame)
     return found
