@@ -7,9 +7,11 @@ import importlib
 import os
 import shutil
 import struct
+import tracemalloc
 from itertools import pairwise
 
 import lz4.frame
+import numpy as np
 import pytest
 import yaml
 import zstandard
@@ -124,7 +126,10 @@ def test_what_is_left_of_a_bomb_that_was_cut_off_is_not_unpacked_either(tmp_path
         for one in walk(memoryview(path.read_bytes()))
         if getattr(one, "rest", None) is not None
     )
+    tracemalloc.start()
     assert not list(rest.messages_of_part())
+    assert tracemalloc.get_traced_memory()[1] <= 6 * LIMIT
+    tracemalloc.stop()
 
 
 @pytest.mark.parametrize(
@@ -153,6 +158,19 @@ def test_many_chunks_that_hold_too_much_together_are_left_out(tmp_path, monkeypa
     path = written(tmp_path / "bomb.mcap", schema(), channel(), MESSAGE, *[packed] * 5)
     with pytest.raises(BagError, match="the chunks say that they hold 3000000 bytes"):
         read(path)
+
+
+def test_files_of_one_bag_may_hold_much_together(tmp_path, monkeypatch):
+    """What they hold is compared with the size of all of them."""
+    module = importlib.import_module("dart_skill.recording.mcap.record_walk")
+    monkeypatch.setattr(module, "LARGEST_UNPACKED", 2 * LIMIT)
+    monkeypatch.setattr(module, "USUAL_RATIO", 4)
+    raw = record(0x90, np.random.default_rng(0).bytes(LIMIT - 9))
+    packed = chunk("zstd", len(raw), zstandard.ZstdCompressor().compress(raw))
+    for k in range(4):
+        written(tmp_path / f"bag_{k}.mcap", schema(), channel(), packed, MESSAGE, packed)
+    recovery = recover(tmp_path, tmp_path.parent / f"{tmp_path.name}_kept")
+    assert sum(recovery.messages.values()) == 4 and recovery.n_looked_at == recovery.n_bytes
 
 
 @pytest.mark.parametrize(
