@@ -439,8 +439,8 @@ def rate_of(time: np.ndarray) -> Rate | None:
     return Rate(interval / count, interval, count)
 
 
-def bunched(body: str, stamps: np.ndarray) -> tuple[Rate, list[Fault]] | None:
-    """The rate of samples that come in bursts, and that as a fault; None if they do not.
+def bunched(body: str, stamps: np.ndarray) -> list[Fault]:
+    """Samples that come in bursts as a fault; none if they do not.
 
     Parameters
     ----------
@@ -451,10 +451,10 @@ def bunched(body: str, stamps: np.ndarray) -> tuple[Rate, list[Fault]] | None:
     """
     rate = rate_of((stamps - stamps[:1]) * 1e-9)
     if rate is None or not rate.is_bunched:
-        return None
+        return []
     steps = 1e-9 * np.diff(stamps)
     within = float(np.median(steps[steps < 0.5 * rate.interval])) * (rate.count - 1)
-    return rate, [
+    return [
         Fault.of(
             BURSTS,
             body,

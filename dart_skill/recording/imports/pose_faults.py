@@ -19,7 +19,7 @@ from dart_skill.common.constants import UNTURNED
 from dart_skill.recording.imports._exchanged_bodies import unswapped
 from dart_skill.recording.imports.clocks import PAUSE, bunched, rate_of
 from dart_skill.recording.imports.faults import BACKWARDS, GAP, Fault, spans
-from dart_skill.recording.imports.pose_stream import PoseStream, find_leaps
+from dart_skill.recording.imports.pose_stream import CLEARLY, PoseStream, find_leaps
 
 LATEST = 0.5
 """Longest delay of a message that is sorted in [s]."""
@@ -231,8 +231,8 @@ def _on_grid(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
     doubled = _doubled(stream)
     time = (stream.stamp_ns - stream.stamp_ns[:1]) * 1e-9
     runs = [run for run in _runs(time) if np.sum(~doubled[run]) >= LEAST_RUN]
-    if (bursts := bunched(stream.body, stream.stamp_ns)) is not None:
-        return stream, bursts[1]
+    if bursts := bunched(stream.body, stream.stamp_ns):
+        return stream, bursts
     if runs:  # each may be a grid of the median step already
         single = time[~doubled]
         begins = np.concatenate(
@@ -374,26 +374,16 @@ def _without_leaps(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
     found = find_leaps(stream)
     if found is None:
         return stream, []
-    first, last = np.flatnonzero(found.leapt)[[0, -1]]
-    fault = _fault(
-        "leap",
-        stream,
-        int(first),
-        int(last),
-        (
-            "the orientation of {count} poses leapt between two solutions,"
-            f" {np.degrees(found.angle):.0f} degrees apart, as of markers that look the same after"
-            " this turn: brought back to "
-            + (
-                "the one that was seen more often"
-                if found.is_clear
-                else "one of them, and nothing tells whether it is the right one"
-            )
-        ),
-        found.is_clear,
-        int(found.leapt.sum()),
-    )
-    return found.mended(stream), [fault]
+    mended, leapt, angle = found
+    is_clear = bool(np.mean(leapt) < CLEARLY)
+    which = "one of them, and nothing tells whether it is the right one"
+    text = (
+        f"the orientation of {{count}} poses leapt between two solutions, {np.degrees(angle):.0f}"
+        " degrees apart, as of markers that look the same after this turn: brought back to "
+    ) + ("the one that was seen more often" if is_clear else which)
+    first, last = np.flatnonzero(leapt)[[0, -1]].tolist()
+    fault = _fault("leap", stream, first, last, text, is_clear, int(leapt.sum()))
+    return mended, [fault]
 
 
 def _without_outliers(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:

@@ -480,8 +480,7 @@ def _joints(
         log_ns = states.log_ns
     stamps, kept, of_time = timed(JOINTS, states.stamp_ns, log_ns, where.clock)
     stream, found = joint_stream(states.take(kept), stamps, where)
-    if not where.clock.is_regular and (bursts := bunched(JOINTS, stream.stamp_ns)) is not None:
-        found += bursts[1]
+    found += [] if where.clock.is_regular else bunched(JOINTS, stream.stamp_ns)
     back = int(np.sum(np.diff(without_running_back(stamps) - stamps) != 0))
     if back and not of_time:
         found.append(
