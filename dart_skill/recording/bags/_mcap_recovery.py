@@ -430,11 +430,11 @@ class _McapRecovery(FileRecovery):
             that was left out may be in the new bag from another place.
         """
         result, lost = self.bag.result, Counter[int]()
-        for index, channel, count, mark in self._claims:
+        for index, claimed, count, mark in self._claims:
             place, count = result.places[index], 0 if mark in index_marks else count
             index_marks.add(mark)
             result.places[index] = replace(place, messages=(place.messages or 0) + count)
-            lost[channel] += count
+            lost[claimed] += count
         self.tell_left_out()
         if self._is_changed and self._n_unverified:
             self.bag.lose(

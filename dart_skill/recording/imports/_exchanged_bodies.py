@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -150,7 +150,7 @@ def _parted(
 
 
 def _joined(stream: PoseStream, more: PoseStream) -> PoseStream:
-    columns = {
+    columns: dict[str, Any] = {
         name: np.concatenate([getattr(stream, name), getattr(more, name)])
         for name in ("stamp_ns", "position", "quaternion")
     }

@@ -12,6 +12,7 @@ from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, IndexType
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2.metadata import parse_qos
@@ -568,6 +569,52 @@ def test_any_buffer_of_bytes_is_written_as_it_is_now(tmp_path, types, view):
 
 
 # bags of others
+
+
+def write_plain(file, types, stamps, **options):
+    """A file of plain `mcap` with strings that say their log time."""
+    messages = [
+        (0, int(stamp), serialize(types, "std_msgs/msg/String", {"data": str(stamp)}))
+        for stamp in stamps
+    ]
+    channels = [("/text", "std_msgs/msg/String")]
+    return mcap_file(file, channels, messages, profile="", chunk_size=1000, **options)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"compression": CompressionType.LZ4},
+        {"compression": CompressionType.NONE},
+        {"use_chunking": False},
+        {"index_types": IndexType.NONE},
+        {"index_types": IndexType.CHUNK},
+        {"use_statistics": False, "repeat_channels": False, "repeat_schemas": False},
+        {
+            "use_statistics": False,
+            "repeat_channels": False,
+            "repeat_schemas": False,
+            "index_types": IndexType.NONE,
+            "use_summary_offsets": False,
+        },
+    ],
+)
+@pytest.mark.parametrize("order", ["sorted", "shuffled", "twice the same time"])
+def test_files_of_plain_mcap_are_read_in_order_of_log_time(tmp_path, types, options, order):
+    stamps = np.arange(400)
+    if order == "shuffled":
+        stamps = np.random.default_rng(0).permutation(stamps)
+    elif order == "twice the same time":
+        stamps = np.concatenate([stamps, stamps])
+    with BagReader(write_plain(tmp_path / "plain.mcap", types, stamps, **options)) as reader:
+        read = list(reader.messages())
+        assert [message.stamp_ns for message in read] == sorted(stamps)
+        assert all(message.data.data == str(message.stamp_ns) for message in read)
+        assert [m.stamp_ns for m in reader.messages("/text", 100, 103, decode=False)] == [
+            s for s in sorted(stamps) if 100 <= s < 103
+        ]
+        assert (reader.message_count, reader.start_ns, reader.end_ns) == (len(stamps), 0, 399)
 
 
 def test_of_a_bag_that_is_thinned_each_topic_has_a_message_now_and_then(bag):
