@@ -217,7 +217,8 @@ class _McapRecovery(FileRecovery):
         n_before
             Of bytes of the bag before this file.
         """
-        bag, self._first_place = self.bag, len(self.bag.result.places)
+        bag = self.bag
+        self._first_place = len(bag.result.places)
         # whether they are one recording or several is unknown
         self._counts = self._counts and not is_one_of_several
         for found in walk(self.data, self.summary, (n_before, bag.n_unpacked)):
