@@ -42,7 +42,6 @@ T = TypeVar("T")
 END_OF_TIME = 2**64
 AT_ONCE = 16_384
 """Messages whose log times are looked at together."""
-_FIELDS = struct.Struct("<BQH4xQ")  # of a message record: opcode, length, channel, log time
 _STAMP = itemgetter(2)
 
 
@@ -355,29 +354,13 @@ def _undamaged(data: memoryview) -> Iterator[Record]:
 def _messages_in(
     raw: bytes, most: int, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int
 ) -> list[BagMessage]:
-    """The same as `messages_of` in less time, of what is wanted, in order of log time."""
-    found: list[BagMessage] = []
-    in_order, last, fields, place, end = True, 0, _FIELDS.unpack_from, 0, len(raw)
-    append, new, info = found.append, tuple.__new__, wanted.get
-    while place < end - 30:
-        opcode, length, channel, stamp = fields(raw, place)
-        begin, place, most = place + 31, place + 9 + length, most - 1
-        if most < 0:
-            raise DamagedError("it has more records than its compressed bytes can tell apart")
-        if opcode != 5:
-            if opcode == 0:
-                raise DamagedError("no record begins where the one before it ends")
-            continue
-        if place > end or length < 22:
-            raise DamagedError("a message reaches beyond its end")
-        its = info(channel)
-        if its is not None and start_ns <= stamp < stop_ns:
-            in_order = in_order and stamp >= last
-            last = stamp
-            append(new(BagMessage, (*its, stamp, raw[begin:place])))
-    if not in_order:
-        found.sort(key=_STAMP)
-    return found
+    """What is wanted of the unpacked records of a chunk, in order of log time."""
+    found = [
+        BagMessage(*wanted[one.channel], one.log_time_ns, one.data)
+        for one in messages_of(raw, most=most)
+        if one.channel in wanted and start_ns <= one.log_time_ns < stop_ns
+    ]
+    return sorted(found, key=_STAMP)
 
 
 def _merged(group: list[Part]) -> Iterator[BagMessage]:
