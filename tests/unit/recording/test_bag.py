@@ -640,12 +640,13 @@ def test_a_graph_is_read_whichever_namespace_it_ran_in(tmp_path):
     topics = {
         "/arm1/wam/command": commands,
         "/arm1/wam/other": "std_msgs/msg/String",
+        "/arm12/wam/other": "std_msgs/msg/String",
         "/tf": "std_msgs/msg/String",
     }
     _write_empty(tmp_path / "bag", topics)
     with GraphBag(tmp_path / "bag") as bag:
         assert bag.namespace == "/arm1"
-        assert set(bag.topics) == {"/wam/command", "/wam/other", "/tf"}
+        assert set(bag.topics) == {"/wam/command", "/wam/other", "/arm12/wam/other", "/tf"}
         assert [message.topic for message in bag.messages(["/wam/other", "/tf"])] == [
             "/wam/other",
             "/tf",
