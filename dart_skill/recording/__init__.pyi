@@ -42,12 +42,6 @@ from dart_skill.recording.demonstration import situation_from_message as situati
 from dart_skill.recording.demonstration import skill_of as skill_of
 from dart_skill.recording.demonstration import stamp_ns as stamp_ns
 from dart_skill.recording.demonstration import times_after as times_after
-from dart_skill.recording.grip_signal import GripSignal as GripSignal
-from dart_skill.recording.grip_signal import Opening as Opening
-from dart_skill.recording.grip_signal import read_command as read_command
-from dart_skill.recording.joint_state import JointLayout as JointLayout
-from dart_skill.recording.joint_state import joint_layout as joint_layout
-from dart_skill.recording.log_time import LogTime as LogTime
 from dart_skill.recording.marks import AS_ASKED as AS_ASKED
 from dart_skill.recording.marks import DROPPED as DROPPED
 from dart_skill.recording.marks import MARK_TOPIC as MARK_TOPIC
@@ -57,3 +51,9 @@ from dart_skill.recording.marks import check_known as check_known
 from dart_skill.recording.marks import demonstration_id as demonstration_id
 from dart_skill.recording.marks import read_dropped as read_dropped
 from dart_skill.recording.marks import unwanted as unwanted
+from dart_skill.recording.signals import GripSignal as GripSignal
+from dart_skill.recording.signals import JointLayout as JointLayout
+from dart_skill.recording.signals import LogTime as LogTime
+from dart_skill.recording.signals import Opening as Opening
+from dart_skill.recording.signals import joint_layout as joint_layout
+from dart_skill.recording.signals import read_command as read_command

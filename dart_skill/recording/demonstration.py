@@ -408,7 +408,13 @@ def demonstration_from_message(msg: Any, skill: str = "") -> Demonstration:
         motion_start=_event(msg.motion_start, origin),
         motion_stop=_event(msg.motion_stop, origin),
         frame_id=msg.header.frame_id,
-        joint_names=_names(msg.joints[0].name) if len(msg.joints) else joint_names(),
+        joint_names=(
+            joint_names()
+            if not len(msg.joints[0].name) or _is_arm(msg.joints[0].name)
+            else tuple(msg.joints[0].name)
+        )
+        if len(msg.joints)
+        else joint_names(),
     )
 
 
@@ -677,10 +683,6 @@ def _is_arm(names: Sequence[str]) -> bool:
     in the arm's order.
     """
     return set(names) == set(joint_names())
-
-
-def _names(names: Sequence[str]) -> tuple[str, ...]:
-    return joint_names() if not len(names) or _is_arm(names) else tuple(names)
 
 
 def _of_arm(names: Sequence[str], values: Sequence[float]) -> Sequence[float]:

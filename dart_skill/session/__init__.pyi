@@ -16,6 +16,7 @@ from dart_skill.session._disagreement import Cause as Cause
 from dart_skill.session._disagreement import Disagreement as Disagreement
 from dart_skill.session._disagreement import disagreement as disagreement
 from dart_skill.session._finding import find_throws as find_throws
+from dart_skill.session._finding import found_in as found_in
 from dart_skill.session._from_bag import LearnReport as LearnReport
 from dart_skill.session._from_bag import NothingLearned as NothingLearned
 from dart_skill.session._from_bag import learn_from_bag as learn_from_bag

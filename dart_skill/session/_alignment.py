@@ -22,19 +22,19 @@ GAP = 0.2
 OVERLAP = 0.5
 """Share of the shorter of two recordings that must be compared."""
 CLEARLY = 0.05
-"""By so much a correlation must be better than the one without an offset."""
+"""Least gain in correlation with which an offset is better than none."""
 LEAST_CORRELATION = 0.5
-"""Correlation from which two recordings are of the same movements."""
+"""Smallest correlation of two recordings of the same movements."""
 CANDIDATES = 4
-"""Offsets that are looked at."""
+"""Number of offsets that are looked at."""
 APART = 0.5
-"""Difference between two of them [s]."""
+"""Smallest difference between two of them [s]."""
 INSTANTS = 50
-"""Instants at which a hand is compared."""
+"""Number of instants at which a hand is compared."""
 ALIKE = 1e-3
-"""Postures that differ by less are one."""
+"""Largest difference of postures that are one [rad]."""
 LOOKED_AT = 2000
-"""Samples of which those instants are chosen."""
+"""Number of samples of which those instants are chosen."""
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,11 @@ from dart_skill.session._alignment import RATE, activity, correlations
 BLOCK = 8.0
 """Time over which offsets are looked for [s]."""
 FEW = 5
-"""Offsets that are looked at of each such time."""
+"""Number of offsets that are looked at of each such time."""
 DISTINCT = 0.08
-"""Offsets of movements that differ by less are one [s]."""
+"""Smallest difference between offsets of movements that are two [s]."""
 EVERY = 5
-"""Samples of movements that are compared together."""
+"""Number of samples of movements that are compared together."""
 CHANGE = 0.25
 """What a change of the offset costs, in mean misfits of a moving second without any resemblance.
 """
@@ -31,9 +31,9 @@ FARTHER = 0.03
 that repeat themselves the nearest one.
 """
 ALIKE = 0.12
-"""Misfit, in the same unit, that may be chance."""
+"""Largest misfit, in the same unit, that may be chance."""
 LEAST_STEP = 0.005
-"""A smaller step is none [s]."""
+"""Smallest step of a clock that was set [s]."""
 LIKE = 0.25
 """Share of a step by which a leap of stamps may differ from it."""
 

@@ -71,23 +71,23 @@ from dart_skill.session._joint_conventions import (
 AGREED_POSITION = 0.015
 """Root mean square of positions up to which joints and cameras agree [m]."""
 AGREED_ANGLE = 0.08
-"""The same of orientations [rad]."""
+"""Root mean square of orientations up to which they agree [rad]."""
 LATE = 0.02
-"""Offset of clocks that matters [s]."""
+"""Smallest offset of clocks that matters [s]."""
 REACH = 0.3
 """Farthest offset from the one by movements that is looked for [s]."""
 FINE = 0.002
 """Step in which it is looked for [s]."""
 CLOCK_ROUNDS = 4
-"""Rounds in which clocks and hand are found in turn."""
+"""Largest number of rounds in which clocks and hand are found in turn."""
 FARTHEST = 5.0
 """Distance beyond which the hand is elsewhere, in parts of AGREED_POSITION."""
 CHANGE = 2.0
 """What a change of the offset costs, in instants at which the hand is elsewhere."""
 PIECES = 5
-"""Parts of a recording whose offsets are compared."""
+"""Number of parts of a recording whose offsets are compared."""
 STEADY = 0.012
-"""Difference between offsets of parts that may be chance [s]."""
+"""Largest difference between offsets of parts that may be chance [s]."""
 UNIT_ERROR = 0.05
 """Share by which a length may differ from one of LENGTH_UNITS and still be told in it."""
 UNIT_NAMES = {
@@ -99,9 +99,9 @@ UNIT_NAMES = {
 }
 """Units of length in words."""
 TURNED = 0.1
-"""Turn of a world or of a body that a mapping must say [rad]."""
+"""Smallest turn of a world or of a body that a mapping must say [rad]."""
 MOVED = 0.1
-"""Shift of a world or of a body that a mapping must say [m]."""
+"""Smallest shift of a world or of a body that a mapping must say [m]."""
 LEAP = 0.5
 """Angle from which an orientation has leapt to another solution [rad]."""
 FEWEST_LEAPS = 0.02
@@ -112,7 +112,7 @@ UNCLEAR_STEPS = (
 )
 """What is said of clocks that were set, where no steps explain it."""
 SAME_MOVEMENTS = 0.7
-"""Correlation from which two recordings are of the same movements."""
+"""Smallest correlation of two recordings of the same movements."""
 AWAY = 0.3
 """Distance at which a ball has left the hand [m]."""
 LIKELY = 0.6

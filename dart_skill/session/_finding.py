@@ -24,7 +24,7 @@ from dart_skill.skills.observation import (
 )
 
 FLIGHT_NS = 1_000_000_000
-"""A ball that was thrown in a motion of the hand flies within this time after it."""
+"""Longest time from a motion of the hand to the end of the flight of a ball that it threw [ns]."""
 
 
 def find_throws(

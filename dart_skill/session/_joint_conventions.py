@@ -24,9 +24,9 @@ from dart_skill.common.quaternions import matrices
 from dart_skill.recording.imports import ANGLE_UNITS, LENGTH_UNITS, QUATERNION_ORDERS
 
 ROUGH = 16
-"""Instants at which every order and every choice of signs is tried."""
+"""Number of instants at which every order and every choice of signs is tried."""
 BEST = 15
-"""How many of them are looked at closely."""
+"""Number of them that are looked at closely."""
 GRID = np.pi / 9.0
 """Step in which the zero of one joint is looked for [rad]."""
 ANY_ZERO = 3.0
@@ -38,27 +38,27 @@ GOOD_ANGLE = 0.03
 GOOD_SCALE = 0.03
 """Share by which good cameras and a good arm differ about a length."""
 GOOD = 1.5
-"""Error, in these parts, of an explanation that needs no better one."""
+"""Largest error, in these parts, of an explanation that needs no better one."""
 NEGLIGIBLE = 0.5
-"""Errors below this are alike, in these parts."""
+"""Error below which explanations are alike, in these parts."""
 FAR = 10.0
-"""Residual beyond which a sample counts less in the search for zeros, in these parts."""
+"""Residual from which a sample counts less in the search for zeros, in these parts."""
 SMALL_ZERO = 0.005
-"""A smaller difference of a zero is none [rad]."""
+"""Largest difference of a zero that is none [rad]."""
 MIRROR = np.diag([1.0, 1.0, -1.0])
-"""Mirrors the z axis of a body that is told in left-handed axes."""
+"""Matrix that mirrors the z axis of a body that is told in left-handed axes."""
 APART = 0.3
-"""Turns beyond this are no inaccuracy of a world or a body that was set up to agree [rad]."""
+"""Largest inaccuracy of a world or a body that was set up to agree [rad]."""
 LIKELY = 1.5
-"""Readings of orientations whose rough error is within this factor of the least are looked at
-closely.
+"""Largest ratio of the rough error of a reading of orientations to the least one with which it is
+looked at closely.
 """
 STARTS = 9
-"""Beginnings of a fit of orientations of which some may have leapt."""
+"""Number of beginnings of a fit of orientations of which some may have leapt."""
 LEAST_TURNED = 10
-"""Instants with an orientation from which they tell something."""
+"""Smallest number of instants with an orientation that tells something."""
 IN_RADIANS = 2.2 * np.pi
-"""Angles beyond this are no radians of an arm whose joints turn less than once [rad]."""
+"""Largest angle of an arm whose joints turn less than once [rad]."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from dart_skill.recording import BagReader, LogTime
-from dart_skill.recording.log_time import INSISTING, LEAP_NS
+from dart_skill.recording.signals import INSISTING, LEAP_NS
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, Refusals
 from dart_skill_nodes.executables.recorder import Recorder
 from dart_skill_nodes.process.graph_processes import NODES

@@ -4,7 +4,6 @@ from dart_skill.recording.bags.check import check_file as check_file
 from dart_skill.recording.bags.check import glance as glance
 from dart_skill.recording.bags.columns import Columns as Columns
 from dart_skill.recording.bags.columns import columns_by_layout as columns_by_layout
-from dart_skill.recording.bags.description import describe as describe
 from dart_skill.recording.bags.messages import definition as definition
 from dart_skill.recording.bags.messages import deserialize as deserialize
 from dart_skill.recording.bags.messages import encoded as encoded
@@ -31,6 +30,7 @@ from dart_skill.recording.bags.reader import BagMessage as BagMessage
 from dart_skill.recording.bags.reader import BagReader as BagReader
 from dart_skill.recording.bags.reader import GraphBag as GraphBag
 from dart_skill.recording.bags.reader import TopicInfo as TopicInfo
+from dart_skill.recording.bags.reader import describe as describe
 from dart_skill.recording.bags.recovery import Recovery as Recovery
 from dart_skill.recording.bags.recovery import recover as recover
 from dart_skill.recording.bags.writer import BagWriteError as BagWriteError

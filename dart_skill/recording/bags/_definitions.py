@@ -17,7 +17,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from dart_skill.recording.bags._metadata import full_name
+from dart_skill.recording.bags.metadata import full_name
 
 MOST_LINES = 5_000
 """Most lines of a type's definition with all that it nests; a line takes 0.4 ms."""
@@ -90,30 +90,23 @@ def embedded_types(
             except Exception as error:
                 unknown[name] = _damaged(error)
     if types is not None:
-        store.register(
-            {
-                name: types.fielddefs[name]
-                for name in _with_nested({*wanted, *_nested_in(store)}, types)
-                - store.fielddefs.keys()
-            }
-        )
-        empty = {
-            name
-            for name, encoding, text in definitions
-            if encoding == "ros2msg" and not text.strip()
-        }
-        for name in empty - store.fielddefs.keys():
-            with suppress(Exception):  # a name that is none
-                store.register({name: ([], [_NO_FIELD])})
+        missing = {*wanted}.union(*(nested(fields) for _, fields in store.fielddefs.values()))
+        others: dict[str, Any] = {}
+        while missing := {name for name in missing - others.keys() if name in types.fielddefs}:
+            others |= {name: types.fielddefs[name] for name in missing}
+            missing = set().union(*(nested(types.fielddefs[name][1]) for name in missing))
+        store.register({k: one for k, one in others.items() if k not in store.fielddefs})
+        for name, encoding, text in definitions:
+            if encoding == "ros2msg" and not text.strip() and name not in store.fielddefs:
+                with suppress(Exception):  # a name that is none
+                    store.register({name: ([], [_NO_FIELD])})
     return store, unknown
 
 
 def _damaged(error: Exception) -> str:
     text = " ".join(str(error).split())
-    return (
-        "whose definition in the bag is damaged"
-        f" ({text if len(text) <= 120 else text[:120] + ' ...'})"
-    )
+    more = " ..." if len(text) > 120 else ""
+    return f"whose definition in the bag is damaged ({text[:120]}{more})"
 
 
 def parts_of(name: str, parts: list[str]) -> dict:
@@ -145,14 +138,10 @@ def parts_of(name: str, parts: list[str]) -> dict:
     found: dict = {}
     for part, kind in zip(parts, ("Goal", "Result", "Feedback"), strict=True):
         found |= _parsed(part, f"{name}_{kind}", package)
-    goal_id, stamp = (
-        _named("goal_id", "unique_identifier_msgs/msg/UUID"),
-        _named("stamp", "builtin_interfaces/msg/Time"),
-    )
-    status, accepted = (
-        ("status", (Nodetype.BASE, ("int8", 0))),
-        ("accepted", (Nodetype.BASE, ("bool", 0))),
-    )
+    goal_id = _named("goal_id", "unique_identifier_msgs/msg/UUID")
+    stamp = _named("stamp", "builtin_interfaces/msg/Time")
+    status: Any = ("status", (Nodetype.BASE, ("int8", 0)))
+    accepted: Any = ("accepted", (Nodetype.BASE, ("bool", 0)))
     found[f"{name}_FeedbackMessage"] = ([], [goal_id, _named("feedback", f"{name}_Feedback")])
     exchanges = {
         "SendGoal": ([goal_id, _named("goal", f"{name}_Goal")], [accepted, stamp]),
@@ -168,29 +157,11 @@ def parts_of(name: str, parts: list[str]) -> dict:
 
 def nested(fields: list) -> set[str]:
     """Names of the message types in the fields of a type."""
-    kinds = [kind for _, kind in fields]
     kinds = [
         detail[0] if node in (Nodetype.ARRAY, Nodetype.SEQUENCE) else (node, detail)
-        for node, detail in kinds
+        for _, (node, detail) in fields
     ]
     return {detail for node, detail in kinds if node == Nodetype.NAME}
-
-
-def _nested_in(store: Typestore) -> set[str]:
-    return set().union(*(nested(fields) for _constants, fields in store.fielddefs.values()))
-
-
-def _with_nested(names: Iterable[str], types: Typestore) -> set[str]:
-    """Types, with all that they nest, as far as they are known."""
-    found: set[str] = set()
-    left = set(names) & types.fielddefs.keys()
-    while left:
-        found |= left
-        left = (
-            set().union(*(nested(types.fielddefs[name][1]) for name in left))
-            & types.fielddefs.keys() - found
-        )
-    return found
 
 
 @lru_cache(maxsize=256)
@@ -203,13 +174,10 @@ def _types_in(name: str, encoding: str, text: str) -> dict:
     found: dict = {}
     for kind, own_name, body in _sections(name, "MSG" if encoding == "ros2msg" else "IDL", text):
         if kind == "IDL":
-            types = get_types_from_idl(body) if body.strip() else {}
-            found.update(
-                {
-                    key: (constants, fields or [_NO_FIELD])
-                    for key, (constants, fields) in types.items()
-                }
-            )
+            for key, (constants, fields) in (
+                get_types_from_idl(body) if body.strip() else {}
+            ).items():
+                found[key] = (constants, fields or [_NO_FIELD])
         else:
             parts = split_definition(body)
             found.update(parts_of(own_name if len(parts) == 1 else interface_of(own_name), parts))
@@ -263,17 +231,11 @@ def _service(name: str, request: dict, response: dict) -> dict:
     """
     fields = [_named("info", "service_msgs/msg/ServiceEventInfo")]
     for kind in ("request", "response"):
-        fields.append(
-            (kind, (Nodetype.SEQUENCE, ((Nodetype.NAME, f"{name}_{kind.capitalize()}"), 1)))
-        )
-    return {**_standard_types(), **request, **response, f"{name}_Event": ([], fields)}
-
-
-@lru_cache(maxsize=1)
-def _standard_types() -> dict:
-    """What `_STANDARD` defines beside itself."""
-    found = get_types_from_msg(_STANDARD, "service_msgs/msg/Standard")
-    return {name: fields for name, fields in found.items() if name != "service_msgs/msg/Standard"}
+        one = (Nodetype.NAME, f"{name}_{kind.capitalize()}")
+        fields.append((kind, (Nodetype.SEQUENCE, (one, 1))))
+    standard = get_types_from_msg(_STANDARD, "service_msgs/msg/Standard")
+    del standard["service_msgs/msg/Standard"]
+    return {**standard, **request, **response, f"{name}_Event": ([], fields)}
 
 
 def _named(field: str, type_name: str) -> tuple[str, Any]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import TypeAlias
 
 from dart_skill.recording.mcap import give_back
 
@@ -20,34 +20,21 @@ LEAF = 0x0D
 FIRST_HEADER = 100
 """Bytes of the first page before its own head."""
 SIZES = [2**power for power in range(9, 17)]
-"""That a page may have [bytes]."""
+"""Sizes that a page may have [bytes]."""
 USUAL_SIZE = 4096
 """Usual size of a page, since 2016 [bytes]."""
 LARGEST_ROW = 2**30
-"""SQLite takes no larger one [bytes]."""
-_WAL_HEAD, _FRAME_HEAD = 32, 24
+"""Largest row of SQLite [bytes]."""
+_WAL_HEAD = 32
+"""Size of the head of a write-ahead log [bytes]."""
+_FRAME_HEAD = 24
+"""Size of the head of each of its frames [bytes]."""
 _INTEGERS = {1: 1, 2: 2, 3: 3, 4: 4, 5: 6, 6: 8}
 """Bytes of a whole number by its serial type."""
 
 
-class BrokenRow(ValueError):
-    """A row whose bytes cannot all be had."""
-
-
-@dataclass(frozen=True)
-class TableRow:
-    """A row of some table.
-
-    Parameters
-    ----------
-    number
-        Its rowid.
-    values
-        Of its columns: int, float, str, bytes or None.
-    """
-
-    number: int
-    values: tuple
+TableRow: TypeAlias = "tuple[int, tuple]"
+"""A row of some table: its rowid, and the values of its columns: int, float, str, bytes or None."""
 
 
 class Pages:
@@ -96,23 +83,20 @@ class Pages:
 
     def _page_size(self) -> int:
         for data, form, place in ((self._data, ">H", 16), (self._log, ">I", 8)):
-            told = (
-                struct.unpack_from(form, data, place)[0]
-                if len(data) >= FIRST_HEADER or (data and form == ">I")
-                else 0
-            )
-            if (65536 if told == 1 else told) in SIZES:
-                return 65536 if told == 1 else told
-        return max([USUAL_SIZE, *SIZES], key=self._leaves_of_size)
+            if len(data) >= place + 4:
+                (told,) = struct.unpack_from(form, data, place)
+                told = 65536 if told == 1 else told
+                if told in SIZES:
+                    return told
 
-    def _leaves_of_size(self, size: int) -> float:
-        """Bytes of the first pages that are leaves if pages are of a size."""
-        step = range(size, min(len(self._data), 2**22), size)
-        return (
-            sum(_pointers(self._data[place : place + size], 0) is not None for place in step)
-            * size
-            * (1 + 0.001 * (size == USUAL_SIZE))
-        )
+        def size_of_leaves(size: int) -> float:
+            """Of the first pages, if pages are of a size; the usual one is preferred."""
+            begins = range(size, min(len(self._data), 2**22), size)
+            pages = (self._data[begin : begin + size] for begin in begins)
+            count = sum(_pointers(page, 0) is not None for page in pages)
+            return count * size * (1 + 0.001 * (size == USUAL_SIZE))
+
+        return max([USUAL_SIZE, *SIZES], key=size_of_leaves)
 
     def _newest_frames(self) -> Iterator[tuple[int, int]]:
         """Page number and place in the log of each frame that belongs to the log as it is, the
@@ -140,6 +124,16 @@ class Pages:
             else None
         )
 
+    def _each(self) -> Iterator[tuple[int, memoryview]]:
+        """Numbers and pages, as far as they are there, few of them in memory at a time."""
+        held = 0
+        for number in range(1, self.n_there + 1):
+            if len(self._data):
+                held = give_back(self._data, held, min(number * self.size, len(self._data)))
+            page = self.page(number)
+            if page is not None:
+                yield number, page
+
     def rows(self, without: set[int]) -> Iterator[TableRow]:
         """All rows on leaves.
 
@@ -148,36 +142,20 @@ class Pages:
         without
             Numbers of pages that are not looked at.
         """
-        self.broken = held = 0
+        self.broken = 0
         self._left = 4 * (len(self._data) + len(self._log)) + 2**20
-        for number in range(1, self.n_there + 1):
-            held = self._give_back(held, number)
-            page = self.page(number)
-            begin = FIRST_HEADER if number == 1 and page is not None and page[0] != LEAF else 0
-            if page is None or number in without:
+        for number, page in self._each():
+            if number in without:
                 continue
-            for place in _pointers(page, begin) or ():
+            for place in _pointers(page, FIRST_HEADER * (number == 1 and page[0] != LEAF)) or ():
                 try:
                     yield self._row(page, place)
-                except (BrokenRow, struct.error, IndexError, UnicodeDecodeError):
+                except (ValueError, struct.error, IndexError):
                     self.broken += 1
 
     def zeroed(self) -> int:
         """How many pages hold nothing but zero bytes."""
-        count = held = 0
-        for number in range(2, self.n_there + 1):
-            held = self._give_back(held, number)
-            page = self.page(number)
-            count += page is not None and page[0] == 0 and not any(page)
-        return count
-
-    def _give_back(self, held: int, number: int) -> int:
-        """Let go of the pages before one; returns from where on they are still held."""
-        return (
-            give_back(self._data, held, min(number * self.size, len(self._data)))
-            if len(self._data)
-            else 0
-        )
+        return sum(number > 1 and page[0] == 0 and not any(page) for number, page in self._each())
 
     def free(self) -> set[int]:
         """Pages that are not in use: rows on them were deleted. Empty where the list of them is
@@ -203,9 +181,10 @@ class Pages:
         number, place = _varint(page, place)
         self._left -= size
         if size > LARGEST_ROW or self._left < 0:
-            raise BrokenRow("larger than any row, or than what is left of the file")
-        return TableRow(
-            number if number < 2**63 else number - 2**64, _values(self._payload(page, place, size))
+            raise ValueError("larger than any row, or than what is left of the file")
+        return (
+            number if number < 2**63 else number - 2**64,
+            _values(self._payload(page, place, size)),
         )
 
     def _payload(self, page: memoryview, place: int, size: int) -> bytes:
@@ -217,18 +196,18 @@ class Pages:
             here = least + (size - least) % (usable - 4)
             here = here if here <= most else least
         if place + here > usable:
-            raise BrokenRow("it reaches beyond its page")
+            raise ValueError("it reaches beyond its page")
         parts, left = [page[place : place + here]], size - here
         following = struct.unpack_from(">I", page, place + here)[0] if left else 0
         while left:
             overflow = self.page(following) if following else None
             if overflow is None:
-                raise BrokenRow("the chain of its pages ends early")
+                raise ValueError("the chain of its pages ends early")
             following = struct.unpack_from(">I", overflow)[0]
             parts.append(overflow[4 : min(usable, 4 + left)])
             left -= len(parts[-1])
             if bool(left) != bool(following):
-                raise BrokenRow("the chain of its pages is not as long as the row")
+                raise ValueError("the chain of its pages is not as long as the row")
         return b"".join(parts)
 
 
@@ -263,20 +242,20 @@ def _varint(data: bytes | memoryview, place: int) -> tuple[int, int]:
 
 
 def _values(payload: bytes) -> tuple:
-    """The columns of a row; BrokenRow unless they fill it exactly."""
+    """The columns of a row; ValueError unless they fill it exactly."""
     head, at = _varint(payload, 0)
     kinds = []
     while at < head:
         kind, at = _varint(payload, at)
         kinds.append(kind)
     if at != head or head > len(payload):
-        raise BrokenRow("its head is damaged")
+        raise ValueError("its head is damaged")
     values, place = [], head
     for kind in kinds:
         value, place = _value(payload, place, kind)
         values.append(value)
     if place != len(payload):
-        raise BrokenRow("its columns do not fill it")
+        raise ValueError("its columns do not fill it")
     return tuple(values)
 
 
@@ -290,8 +269,8 @@ def _value(payload: bytes, place: int, kind: int) -> tuple[int | float | str | b
     if kind in (0, 8, 9):
         return (None, 0, 1)[max(0, kind - 7)], place
     if kind < 12:
-        raise BrokenRow("it has a value of no type")
+        raise ValueError("it has a value of no type")
     end = place + (kind - 12) // 2
     if end > len(payload):
-        raise BrokenRow("a value reaches beyond it")
+        raise ValueError("a value reaches beyond it")
     return (payload[place:end].decode() if kind % 2 else payload[place:end]), end

@@ -8,93 +8,31 @@ file, so it is given a copy of all of them.
 from __future__ import annotations
 
 import sqlite3
-from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from contextlib import closing, nullcontext, suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 
-from dart_skill.recording.bags._files import SIDE_FILES, plain_message, side_files
-from dart_skill.recording.bags._known_types import (
-    Decoder,
-    installed_definition,
-    installed_hash,
-    schema_of,
-)
-from dart_skill.recording.bags._metadata import RECORD_KEY, full_name, parse_record
+from mcap.records import Channel, Schema
+
+from dart_skill.recording.bags._definitions import embedded_types
+from dart_skill.recording.bags._other_inputs import copy_with_side_files
 from dart_skill.recording.bags._recovered_bag import (
-    LAST_TIME_NS,
     TOGETHER,
     FileRecovery,
     RecoveredBag,
     grouped_by_channel,
+    installed_schema,
+    types_with,
 )
-from dart_skill.recording.bags._sqlite import copy_with_side_files
-from dart_skill.recording.bags._sqlite_pages import Pages, TableRow
-from dart_skill.recording.mcap import McapChannel, mapped
+from dart_skill.recording.bags._sqlite_pages import Pages
+from dart_skill.recording.bags.columns import Decoder
+from dart_skill.recording.bags.files import SIDE_FILES, plain_message, side_files
+from dart_skill.recording.bags.messages import type_hash
+from dart_skill.recording.bags.metadata import RECORD_KEY, definition_of, full_name, parse_record
+from dart_skill.recording.mcap import Message, mapped
 
 SMALLEST_ROW = 8
 """Smallest size of a message [bytes]."""
-
-
-@dataclass(frozen=True)
-class _FoundTopic:
-    name: str
-    type_name: str
-    encoding: str
-    qos: str
-    type_hash: str
-
-
-@dataclass(frozen=True)
-class _Message:
-    number: int
-    topic: int
-    stamp_ns: int
-    data: bytes
-
-
-@dataclass
-class _Tables:
-    """The small tables of a file. topics: by number; definitions: encoding and text by type;
-    metadata: text; distro: of ROS.
-    """
-
-    topics: dict[int, _FoundTopic] = field(default_factory=dict)
-    definitions: dict[str, tuple[str, str]] = field(default_factory=dict)
-    metadata: str = ""
-    distro: str = ""
-
-    def take(self, row: TableRow, table: str = "") -> None:
-        """Take a row, by its looks where its table is not known; those of other tables are passed
-        over.
-        """
-        first, *values = row.values if row.values else (0,)
-        kinds = "".join(
-            "s" if isinstance(value, str) else "i" if isinstance(value, int) else "-"
-            for value in values
-        )
-        if first is not None and first != row.number:
-            return
-        is_topic = table == "topics" or (
-            not table and kinds[:1] == "s" and values[0].startswith("/")
-        )
-        if len(kinds) in (4, 5) and set(kinds) == {"s"} and is_topic:
-            name, type_name, encoding, qos, *digest = values
-            self.topics.setdefault(
-                row.number,
-                _FoundTopic(name, type_name, encoding, qos, digest[0] if digest else ""),
-            )
-        elif kinds == "sss" and is_topic:  # of the first versions, without QoS
-            self.topics.setdefault(
-                row.number, _FoundTopic(values[0], values[1], values[2], "", "")
-            )
-        elif kinds in ("ssss", "sss") and full_name(values[0]).count("/") == 2:
-            self.definitions.setdefault(full_name(values[0]), (values[1], values[2]))
-        elif kinds == "is" and "relative_file_paths" in values[1]:
-            self.metadata = values[1]
-        elif kinds == "s" and first is not None or kinds == "s" and values[0].isalpha():
-            self.distro = values[0]
 
 
 def recover_sqlite(
@@ -116,252 +54,214 @@ def recover_sqlite(
         A folder for a copy.
     """
     beside = side_files(file)
-    bag.n_bytes += len(data) + sum(side.stat().st_size for side in beside.values())
-    bag.is_exact = False
+    bag.result.n_bytes += len(data) + sum(side.stat().st_size for side in beside.values())
+    bag.result.is_exact = False
     one = _SqliteRecovery(bag, name)
     with mapped(beside["-wal"]) if "-wal" in beside else nullcontext() as log:
-        is_whole = _take_by_sqlite(one, file, scratch)
+        is_whole = one.take_by_sqlite(file, scratch)
         pages = Pages(data, log)
         if not is_whole or beside or pages.has_more_than_told:
-            _take_from_pages(one, pages, is_whole)
-    one.finish()
-
-
-def _take_by_sqlite(one: _SqliteRecovery, file: Path, scratch: Path) -> bool:
-    """Take what SQLite reads, if it finds nothing wrong; returns whether it did."""
-    beside, before = side_files(file), one.bag.unverified
-    if not file.is_file() or not file.stat().st_size:
-        return False  # SQLite would throw the log away
-    path = copy_with_side_files(file, scratch) if beside else file
-    try:
-        with closing(
-            sqlite3.connect(
-                f"{path.resolve().as_uri()}?{'mode=rw' if beside else 'mode=ro&immutable=1'}",
-                uri=True,
+            one.take_from_pages(pages, is_whole)
+    for number, channel in one.channels.items():  # topics without messages are kept, too
+        one.channel(number)
+        if not (schema := one.schemas[channel.schema_id]).encoding:
+            bag.note(
+                f"the type {schema.name} of {channel.topic} is defined neither in {name} nor here:"
+                " its messages are kept, and can be read raw or where its package is installed"
             )
-        ) as base:
-            base.execute("PRAGMA cell_size_check = ON")
-            found = [row[0] for row in base.execute("PRAGMA integrity_check(3)")]
-            if found != ["ok"]:
-                one.reason = "; ".join(text for line in found for text in line.splitlines()[:2])
-                if any("index" not in line for line in found):
-                    return False
-                one.repair(
-                    f"its index is damaged ({one.reason}) and not needed: the new bag has its own"
-                )
-            one.define(_small_tables(base))
-            one.take_rows(
-                base.execute(
-                    "SELECT rowid, topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY"
-                    " rowid"
-                )
-            )
-    except (sqlite3.Error, OverflowError, ValueError) as error:
-        one.reason = str(error)
-        return False
-    for ending, side in beside.items():
-        one.bag.note(
-            f"{one.name}: its {SIDE_FILES[ending]} {side.name} ({side.stat().st_size} bytes) was"
-            " read, on a copy"
-        )
-    how = (
-        f"{one.name}: SQLite {sqlite3.sqlite_version} finds it whole and read"
-        f" {one.bag.unverified - before} messages"
-    )
-    one.bag.note(how + "; its format has no CRC")
-    return True
-
-
-def _small_tables(base: sqlite3.Connection) -> _Tables:
-    tables = _Tables()
-    for name in ("topics", "message_definitions", "metadata", "schema"):
-        with suppress(sqlite3.OperationalError):  # no such table
-            for row in base.execute(f"SELECT rowid, * FROM {name}"):
-                tables.take(TableRow(row[0], tuple(row[1:])), name)
-    return tables
-
-
-def _take_from_pages(one: _SqliteRecovery, pages: Pages, is_whole: bool) -> None:
-    """Take what stands on the pages and was not taken yet."""
-    bag, tables, unused = one.bag, one.tables, pages.free()
-    for row in pages.rows(unused):
-        if len(row.values) < 7:
-            tables.take(row)
-    one.define(tables)
-    count = one.take(_messages_of(pages.rows(unused)))
-    if is_whole:
-        if count or pages.log_rest:
-            rest = (
-                f", and {pages.log_rest} bytes at the end of its log are no whole page"
-                if pages.log_rest
-                else ""
-            )
-            more = (
-                f"{count} messages more were on its pages, of what its recorder did not complete,"
-                f" or of a log that is damaged{rest}"
-            )
-            bag.lose(one.name, 0, 0, more, None)
-        return
-    bag.note(
-        f"{one.name}: it was read page by page: {pages.n_there} pages of {pages.size} bytes gave"
-        f" {count} messages"
-    )
-    missing, zeroed = max(0, pages.n_pages - pages.n_there), pages.zeroed()
-    reasons = [f"SQLite finds it damaged ({one.reason})"] if one.reason else []
-    reasons += [f"{missing} pages of {pages.n_pages} are missing at its end"] if missing else []
-    reasons += [f"{zeroed} pages hold nothing but zero bytes"] if zeroed else []
-    reasons += [f"{pages.broken} rows are there only in part"] if pages.broken else []
-    lost = one.numbers.missing((missing + zeroed + pages.n_there) * pages.size // SMALLEST_ROW)
-    bag.lose(
-        one.name,
-        0,
-        (missing + zeroed) * pages.size,
-        "; ".join(reasons) or "it is damaged",
-        lost or None,
-    )
-
-
-def _messages_of(rows: Iterable[TableRow]) -> Iterator[_Message]:
-    """Those rows that are messages, by their looks."""
-    for row in rows:
-        if len(row.values) == 4:
-            first, topic, stamp, data = row.values
-            if (
-                first is None
-                and isinstance(topic, int)
-                and isinstance(stamp, int)
-                and isinstance(data, bytes)
-            ):
-                yield _Message(row.number, topic, stamp, data)
-
-
-class _Numbers:
-    """Numbers of rows, a bit each where they are dense."""
-
-    def __init__(self) -> None:
-        self._bits: dict[int, int] = {}
-        self._count = 0
-
-    def add(self, number: int) -> bool:
-        """Whether it is new."""
-        block, bit = number >> 12, 1 << (number & 0xFFF)
-        bits = self._bits.get(block, 0)
-        if bits & bit:
-            return False
-        self._bits[block] = bits | bit
-        self._count += 1
-        return True
-
-    def missing(self, most: int) -> int:
-        """How many between 1 and the last are missing; 0 for more than there can be, as then the
-        last is none.
-        """
-        last = max(self._bits, default=0)
-        count = (last << 12) + self._bits.get(last, 1).bit_length() - 1 - self._count
-        return count if 0 < count <= most else 0
+    one.tell_left_out()
 
 
 class _SqliteRecovery(FileRecovery):
-    """One file on its way into the new bag. name: of the file; reason: what SQLite says is wrong
-    with it.
-    """
+    """One file on its way into the new bag, its topics as channels and its definitions as schemas."""
 
     def __init__(self, bag: RecoveredBag, name: str):
         super().__init__(bag, name)
-        self.reason = ""
-        self.tables = _Tables()
-        self.numbers = _Numbers()
-        self.unknown: Counter[int] = Counter()
-        self.undecodable: Counter[str] = Counter()
-        self.n_odd = 0  # rows that are no messages
+        self._reason = ""  # what SQLite says is wrong with it
+        self._definitions: dict[str, tuple[str, str]] = {}  # encoding and text by type
+        self._metadata = self._distro = ""
+        self._rows: dict[int, int] = {}  # numbers that were taken, a bit each, 4096 together
+        self._n_rows = 0
 
-    def define(self, tables: _Tables) -> None:
-        """Know topics and types from here on."""
-        self.tables = tables
-        texts = {
-            topic.type_name: self._definition(topic.type_name) for topic in tables.topics.values()
-        }
-        self.texts = {name: found for name, found in texts.items() if found is not None}
-        self.decoder = Decoder([schema_of(name, *found) for name, found in self.texts.items()])
-        if tables.metadata:
-            metadata = parse_record({RECORD_KEY: tables.metadata})
-            self.bag.hear_of_topics(metadata)
-            self.take_metadata(metadata)
-        self.bag.ros_distro = self.bag.ros_distro or tables.distro
+    def take_by_sqlite(self, file: Path, scratch: Path) -> bool:
+        """Take what SQLite reads, if it finds nothing wrong; returns whether it did.
 
-    def _definition(self, type_name: str) -> tuple[str, str] | None:
-        """Encoding and text of a type: from the file, the standard types or an installed package."""
-        encoding, text = self.tables.definitions.get(full_name(type_name), ("", ""))
-        if text and encoding in ("ros2msg", "ros2idl"):
-            return encoding, text
-        text = installed_definition(type_name)
-        return ("ros2msg", text) if text else None
-
-    def _settle(self, topic: _FoundTopic, payloads: list[bytes]) -> None:
-        """Take the definition of an installed type where that of the file fits no message, and
-        this one fits all.
+        Parameters
+        ----------
+        scratch
+            A folder for a copy.
         """
-        name = topic.type_name
-        text = installed_definition(name) if full_name(name) in self.tables.definitions else ""
-        if not text or self.decoder.fits(name, payloads):
-            return
-        other = Decoder([schema_of(name, "ros2msg", text)])
-        if other.fits(name, payloads):
-            self.repair(
-                f"its definition of {name} does not fit its messages: that which is installed here"
-                " does, and stands in the new bag"
-            )
-            self.texts[name] = ("ros2msg", text)
-            self.decoder = Decoder([schema_of(name, *found) for name, found in self.texts.items()])
-
-    def _lost_topic(self, number: int, payloads: list[bytes]) -> _FoundTopic | None:
-        """The topic of messages whose row is lost: the only one that the metadata name, which has
-        no row, and whose type they are.
-        """
-        there = {topic.name for topic in self.tables.topics.values()}
-        found = []
-        for name, told in self.bag.told_topics.items():
-            text = self._definition(type_name := str(told.get("type", "")))
-            if (
-                name not in there
-                and text is not None
-                and Decoder([schema_of(type_name, *text)]).fits(type_name, payloads)
-            ):
-                found.append(
-                    _FoundTopic(
-                        name, type_name, str(told.get("serialization_format") or "cdr"), "", ""
+        beside, before = side_files(file), self.bag.result.unverified
+        if not file.is_file() or not file.stat().st_size:
+            return False  # SQLite would throw the log away
+        path = copy_with_side_files(file, scratch) if beside else file
+        way = "mode=rw" if beside else "mode=ro&immutable=1"
+        try:
+            with closing(sqlite3.connect(f"{path.resolve().as_uri()}?{way}", uri=True)) as base:
+                base.execute("PRAGMA cell_size_check = ON")
+                found = [row[0] for row in base.execute("PRAGMA integrity_check(3)")]
+                if found != ["ok"]:
+                    lines = [text for line in found for text in line.splitlines()[:2]]
+                    self._reason = "; ".join(lines)
+                    if any("index" not in line for line in found):
+                        return False
+                    self.repair(
+                        f"its index is damaged ({self._reason}) and not needed: the new bag has"
+                        " its own"
+                    )
+                for table in ("topics", "message_definitions", "metadata", "schema"):
+                    with suppress(sqlite3.OperationalError):  # no such table
+                        for row in base.execute(f"SELECT rowid, * FROM {table}"):
+                            self._take_small(row[0], row[1:], table)
+                self._define()
+                self._take_rows(
+                    base.execute(
+                        "SELECT rowid, topic_id, timestamp, data FROM messages NOT INDEXED ORDER"
+                        " BY rowid"
                     )
                 )
-        if len(found) != 1:
-            return None
-        self.repair(
-            f"the row of topic {found[0].name} is lost: metadata.yaml names it, and its messages"
-            " are of its type"
+        except (sqlite3.Error, OverflowError, ValueError) as error:
+            self._reason = str(error)
+            return False
+        for ending, side in beside.items():
+            self.bag.note(
+                f"{self.name}: its {SIDE_FILES[ending]} {side.name} ({side.stat().st_size} bytes)"
+                " was read, on a copy"
+            )
+        self.bag.note(
+            f"{self.name}: SQLite {sqlite3.sqlite_version} finds it whole and read"
+            f" {self.bag.result.unverified - before} messages; its format has no CRC"
         )
-        self.tables.topics[number] = found[0]
-        self.define(self.tables)
-        return found[0]
+        return True
 
-    def take_rows(self, rows: Iterable[tuple]) -> None:
+    def take_from_pages(self, pages: Pages, is_whole: bool) -> None:
+        """Take what stands on the pages and was not taken yet.
+
+        Parameters
+        ----------
+        is_whole
+            Whether SQLite has read the file.
+        """
+        unused = pages.free()
+        for row, values in pages.rows(unused):
+            if len(values) < 7:
+                self._take_small(row, values)
+        self._define()
+        # the first column of messages is their rowid, which SQLite keeps beside the row
+        count = self._take(
+            Message(row, values[1], 0, values[2], values[2], values[3])
+            for row, values in pages.rows(unused)
+            if len(values) == 4
+            and values[0] is None
+            and all(map(isinstance, values[1:], (int, int, bytes)))
+        )
+        if is_whole:
+            rest = f", and {pages.log_rest} bytes at the end of its log are no whole page"
+            if count or pages.log_rest:
+                self.bag.lose(
+                    self.name,
+                    f"{count} messages more were on its pages, of what its recorder did not"
+                    f" complete, or of a log that is damaged{rest if pages.log_rest else ''}",
+                )
+            return
+        self.bag.note(
+            f"{self.name}: it was read page by page: {pages.n_there} pages of"
+            f" {pages.size} bytes gave {count} messages"
+        )
+        missing, zeroed = max(0, pages.n_pages - pages.n_there), pages.zeroed()
+        reasons = {
+            f"SQLite finds it damaged ({self._reason})": self._reason,
+            f"{missing} pages of {pages.n_pages} are missing at its end": missing,
+            f"{zeroed} pages hold nothing but zero bytes": zeroed,
+            f"{pages.broken} rows are there only in part": pages.broken,
+        }
+        told = "; ".join(text for text, is_so in reasons.items() if is_so) or "it is damaged"
+        most = (missing + zeroed + pages.n_there) * pages.size // SMALLEST_ROW
+        end = (missing + zeroed) * pages.size
+        self.bag.lose(self.name, told, self._missing_rows(most) or None, end=end)
+
+    def _take_small(self, row: int, columns: tuple, table: str = "") -> None:
+        """Take a row of a small table, by its looks where that is not known; those of other tables
+        are passed over.
+        """
+        first, *values = columns or (0,)
+        kinds = "".join(
+            "s" if isinstance(value, str) else "i" if isinstance(value, int) else "-"
+            for value in values
+        )
+        if first is not None and first != row:
+            return
+        is_topic = table == "topics" or (
+            not table and kinds[:1] == "s" and values[0].startswith("/")
+        )
+        if kinds in ("sss", "ssss", "sssss") and is_topic:  # the first versions have no QoS
+            name, type_name, encoding, qos, digest = [*values, "", ""][:5]
+            known = next((k for k, one in self.schemas.items() if one.name == type_name), None)
+            number = known or len(self.schemas) + 1
+            self.schemas.setdefault(
+                number, Schema(id=number, name=type_name, encoding="", data=b"")
+            )
+            self.channels.setdefault(
+                row,
+                Channel(
+                    id=row,
+                    topic=name,
+                    message_encoding=encoding,
+                    schema_id=number,
+                    metadata={"offered_qos_profiles": qos, "topic_type_hash": digest},
+                ),
+            )
+        elif kinds in ("ssss", "sss") and full_name(values[0]).count("/") == 2:
+            self._definitions.setdefault(full_name(values[0]), (values[1], values[2]))
+        elif kinds == "is" and "relative_file_paths" in values[1]:
+            self._metadata = values[1]
+        elif kinds == "s" and (first is not None or values[0].isalpha()):
+            self._distro = values[0]
+
+    def _define(self) -> None:
+        """Know topics and types from here on."""
+        if self._metadata:
+            self.bag.take_metadata(parse_record({RECORD_KEY: self._metadata}))
+        self.bag.ros_distro = self.bag.ros_distro or self._distro
+        self.schemas = {
+            number: self._schema(one.name, number) or one for number, one in self.schemas.items()
+        }
+        for channel in self.channels.values():
+            schema = self.schemas[channel.schema_id]
+            if not channel.metadata["topic_type_hash"]:
+                channel.metadata["topic_type_hash"] = _installed_hash(schema)
+
+    def _schema(self, type_name: str, number: int) -> Schema | None:
+        """The definition of a type: from the file, the standard types or an installed package."""
+        encoding, text = self._definitions.get(full_name(type_name), ("", ""))
+        if text and encoding in ("ros2msg", "ros2idl"):
+            return Schema(id=number, name=type_name, encoding=encoding, data=text.encode())
+        return installed_schema(type_name, number)
+
+    def _take_rows(self, rows: Iterable[tuple]) -> None:
         """Take those rows that are messages, as SQLite reads them: it does not mind what kind
         their values are of.
         """
-        good = (row for row in rows if self._is_message(row))
-        self.take(_Message(*row) for row in good)
-        if self.n_odd:
-            reason = f"{self.n_odd} rows have no number of a topic, no time or no bytes"
-            self.bag.lose(self.name, 0, 0, f"{reason}, and are left out", self.n_odd)
+        n_odd = 0
 
-    def _is_message(self, row: tuple) -> bool:
-        is_one = all(
-            isinstance(value, kind)
-            for value, kind in zip(row, (int, int, int, bytes), strict=True)
-        )
-        self.n_odd += not is_one
-        return is_one
+        def messages() -> Iterable[Message]:
+            nonlocal n_odd
+            for row in rows:
+                if all(map(isinstance, row, (int, int, int, bytes))):
+                    yield Message(row[0], row[1], 0, row[2], row[2], row[3])
+                else:
+                    n_odd += 1
 
-    def take(self, messages: Iterable[_Message]) -> int:
-        """Take messages that were not taken yet; returns how many."""
+        self._take(messages())
+        if n_odd:
+            self.bag.lose(
+                self.name,
+                f"{n_odd} rows have no number of a topic, no time or no bytes, and are left out",
+                n_odd,
+            )
+
+    def _take(self, messages: Iterable[Message]) -> int:
+        """Take messages whose rows were not taken yet; returns how many. place: of the row."""
         count, together = 0, []
         for message in messages:
             together.append(message)
@@ -370,90 +270,76 @@ class _SqliteRecovery(FileRecovery):
                 together = []
         return count + self._take_judged(together)
 
-    def _take_judged(self, messages: list[_Message]) -> int:
+    def _take_judged(self, messages: list[Message]) -> int:
         """Those of them that are messages of their topic: nothing else vouches for them."""
-        good: set[int] = set()
-        for number, its in grouped_by_channel(message.topic for message in messages).items():
-            payloads = [plain_message(messages[index].data) for index in its]
-            topic = self.tables.topics.get(number) or self._lost_topic(number, payloads)
-            if topic is None:
-                self.unknown[number] += len(its)
-                continue
-            if number not in self.written and topic.encoding == "cdr":
-                self._settle(topic, payloads)
-            is_good = (
-                self.decoder.decodable(topic.type_name, payloads)
-                if topic.encoding == "cdr"
-                else [True] * len(its)
-            )
-            in_time = [0 <= messages[index].stamp_ns <= LAST_TIME_NS for index in its]
-            its_good = [
-                index
-                for index, one, other in zip(its, is_good, in_time, strict=True)
-                if one and other
-            ]
-            good.update(its_good)
-            if len(its_good) < len(its):
-                self.undecodable[topic.name] += len(its) - len(its_good)
-        taken = [
-            message
-            for index, message in enumerate(messages)
-            if index in good and self.numbers.add(message.number)
-        ]
-        for message in taken:
-            channel = self._channel(message.topic)
-            assert channel is not None  # as the topic is known
-            self.write(channel, 0, message.stamp_ns, message.stamp_ns, message.data)
-        self.bag.unverified += len(taken)
-        return len(taken)
+        for number, places in grouped_by_channel(messages).items():
+            payloads = [plain_message(messages[k].data) for k in places]
+            if number not in self.channels:
+                self._find_topic(number, payloads)
+            elif number not in self.written and self.channels[number].message_encoding == "cdr":
+                self._settle(self.schemas[self.channels[number].schema_id], payloads)
+        taken = [one for one in self.judged(messages) if self._is_new(one.place)]
+        return sum(self.write(one, False) is not None for one in taken)
 
-    def _channel(self, number: int) -> McapChannel | None:
-        if number not in self.written:
-            topic = self.tables.topics.get(number)
-            self.written[number] = self._write_channel(topic) if topic is not None else None
-        return self.written[number]
+    def _settle(self, schema: Schema, payloads: list[bytes]) -> None:
+        """Take the definition of an installed type where that of the file fits no message, and
+        this one fits all.
+        """
+        installed = installed_schema(schema.name, schema.id)
+        if full_name(schema.name) not in self._definitions or installed is None:
+            return
+        if not _fits(schema, payloads) and _fits(installed, payloads):
+            self.repair(
+                f"its definition of {schema.name} does not fit its messages: that which is"
+                " installed here does, and stands in the new bag"
+            )
+            self.schemas[schema.id] = installed
 
-    def _write_channel(self, topic: _FoundTopic) -> McapChannel:
-        if self.out is None:
-            self.out = self.bag.new_file(
-                "ros2" if all(one.encoding == "cdr" for one in self.tables.topics.values()) else ""
+    def _find_topic(self, number: int, payloads: list[bytes]) -> None:
+        """Find the topic of messages whose row is lost: the only one that the metadata name, which
+        has no row, and whose type they are.
+        """
+        there = {channel.topic for channel in self.channels.values()}
+        found = []
+        for name, told in self.bag.told_topics.items():
+            schema = self._schema(str(told.get("type", "")), len(self.schemas) + 1)
+            if name not in there and schema is not None and _fits(schema, payloads):
+                found.append((name, schema, str(told.get("serialization_format") or "cdr")))
+        if len(found) == 1:
+            ((name, schema, encoding),) = found
+            self.repair(
+                f"the row of topic {name} is lost: metadata.yaml names it, and its messages are of"
+                " its type"
             )
-        encoding, text = self.texts.get(topic.type_name, ("", ""))
-        if not text:
-            self.bag.note(
-                f"the type {topic.type_name} of {topic.name} is defined neither in {self.name} nor"
-                " here: its messages are kept, and can be read raw or where its package is"
-                " installed"
-            )
-        written = (
-            number for number, one in self.out.schemas.items() if one.name == topic.type_name
-        )
-        schema = next(written, None) or self.out.add_schema(
-            topic.type_name, encoding, text.encode()
-        )
-        digest = topic.type_hash or installed_hash(topic.type_name, text)
-        metadata = {"offered_qos_profiles": topic.qos, "topic_type_hash": digest}
-        return self.add_channel(
-            topic.name, topic.type_name, topic.encoding, schema, metadata, digest
-        )
+            row = (number, name, schema.name, encoding)
+            self._take_small(number, row, "topics")
+            self._define()
 
-    def finish(self) -> None:
-        """Tell what could not be taken; topics without messages are kept, too."""
-        for number in self.tables.topics:
-            self._channel(number)
-        if count := self.unknown.total():
-            self.bag.lose(
-                self.name,
-                0,
-                0,
-                f"{count} messages of topics {sorted(self.unknown)}, which no row names",
-                count,
-            )
-        for topic, count in self.undecodable.items():
-            self.bag.lose(
-                self.name,
-                0,
-                0,
-                f"{count} rows on {topic} are no messages of its type, and are left out",
-                None,
-            )
+    def _is_new(self, row: int) -> bool:
+        """Whether a row was not taken yet; it is, from now on."""
+        block, bit = row >> 12, 1 << (row & 0xFFF)
+        is_new = not self._rows.get(block, 0) & bit
+        self._rows[block] = self._rows.get(block, 0) | bit
+        self._n_rows += is_new
+        return is_new
+
+    def _missing_rows(self, most: int) -> int:
+        """How many between 1 and the last are missing; 0 for more than there can be, as then the
+        last is none.
+        """
+        last = max(self._rows, default=0)
+        count = (last << 12) + self._rows.get(last, 1).bit_length() - 1 - self._n_rows
+        return count if 0 < count <= most else 0
+
+
+def _fits(schema: Schema, payloads: list[bytes]) -> bool:
+    """Whether a definition can be read, and all payloads are messages of it."""
+    types, name = embedded_types([definition_of(schema)], None)[0], full_name(schema.name)
+    return name in types.fielddefs and not any(Decoder(types).errors(name, payloads))
+
+
+def _installed_hash(schema: Schema) -> str:
+    """RIHS01 of a type whose definition is that which is known here; empty for another one."""
+    installed, full = installed_schema(schema.name, schema.id), full_name(schema.name)
+    types = types_with(full)
+    return type_hash(types, full) if types is not None and installed == schema else ""

@@ -30,7 +30,7 @@ LITTLE_ENDIAN = 1
 
 
 MOST_ELEMENTS = 64
-"""A longer array stays one in its cell of a table of pandas."""
+"""Largest length of an array whose elements get a column each in a table of pandas."""
 MOST_LAYOUTS = 16
 """Largest number of layouts of a topic that are taken at once; what is laid out otherwise is read
 one by one.
@@ -141,6 +141,46 @@ def pattern_of(types: Typestore, type_name: str, payload: bytes) -> Pattern | No
     )
     common[STAMP] = common[of_numbers] = False
     return Pattern(example, of_numbers, common, np.frombuffer(payload, dtype=np.uint8))
+
+
+class Decoder:
+    """Tells which bytes are messages of a type: one by one, unless they differ from one that is in
+    stamp and numbers alone.
+
+    Parameters
+    ----------
+    types
+        That know the messages.
+    """
+
+    def __init__(self, types: Typestore):
+        self.types = types
+        self._patterns: dict[str, Pattern | None] = {}
+
+    def errors(self, type_name: str, payloads: Sequence[bytes]) -> list[str]:
+        """Why each of some bytes are no message of a type; empty for those that are.
+
+        Parameters
+        ----------
+        type_name
+            That is known.
+        payloads
+            (n,), CDR.
+        """
+        pattern = self._patterns.get(type_name)
+        if pattern is not None and pattern.table(payloads) is not None:
+            return [""] * len(payloads)
+        found = []
+        for payload in payloads:
+            try:
+                deserialize(self.types, type_name, payload)
+                found.append("")
+            except ValueError as error:
+                found.append(str(error))
+        # those that come may be like the last one of these
+        if len(payloads) > 1 and not any(found) and self._patterns.get(type_name, True):
+            self._patterns[type_name] = pattern_of(self.types, type_name, payloads[-1])
+        return found
 
 
 def columns_by_layout(

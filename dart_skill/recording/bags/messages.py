@@ -21,7 +21,7 @@ from rosbags.typesys.store import Typestore
 
 from dart_skill.common.configuration import shared_folders
 from dart_skill.recording.bags._definitions import interface_of, nested, parts_of, split_definition
-from dart_skill.recording.bags._metadata import full_name
+from dart_skill.recording.bags.metadata import full_name
 
 PACKAGE = "dart_skill_msgs"
 _PARTS = {".msg": 1, ".srv": 2, ".action": 3}
@@ -314,35 +314,24 @@ def _get(value: Any, name: str) -> Any:
 def _field(types: Typestore, place: str, kind: tuple, value: Any) -> Any:
     """Value of a field as the generated serialisers want it."""
     node, detail = kind
-    if node == Nodetype.BASE:
-        return _base(place, detail[0], value)
     if node == Nodetype.NAME:
         return message(types, detail, value)
+    if node == Nodetype.BASE:
+        return _base(place, detail[0], value)
     (item_node, item), length = detail
-    values = _sequence(place, value, length if node == Nodetype.ARRAY else 0)
+    values = [None] * (length if node == Nodetype.ARRAY else 0) if value is None else value
+    if isinstance(values, (str, Mapping)) or not hasattr(values, "__len__"):
+        raise ValueError(f"{place} is a sequence, got {type(values).__name__}")
     if node == Nodetype.SEQUENCE and length and len(values) > length:
         raise ValueError(f"{place}: {len(values)} elements, at most {length}")
-    if item_node == Nodetype.BASE and item[0] in ("string", "wstring"):
+    if node == Nodetype.ARRAY and len(values) != length:
+        raise ValueError(f"{place} has {length} elements, got {len(values)}")
+    if item_node == Nodetype.NAME:
+        return [message(types, item, element) for element in values]
+    if item[0] in ("string", "wstring"):
         return [_base(place, item[0], text) for text in values]
-    if item_node == Nodetype.BASE:
-        return _numbers(place, item[0], values)
-    return [message(types, item, element) for element in values]
-
-
-def _sequence(place: str, value: Any, length: int) -> Any:
-    """`value`, or as many empty elements as a fixed-size array has; checks the length of those."""
+    dtype = np.dtype("uint8" if item[0] in _BYTES else item[0])
     if value is None:
-        return [None] * length
-    if isinstance(value, (str, Mapping)) or not hasattr(value, "__len__"):
-        raise ValueError(f"{place} is a sequence, got {type(value).__name__}")
-    if length and len(value) != length:
-        raise ValueError(f"{place} has {length} elements, got {len(value)}")
-    return value
-
-
-def _numbers(place: str, name: str, values: Any) -> np.ndarray:
-    dtype = np.dtype("uint8" if name in _BYTES else name)
-    if len(values) and values[0] is None:
         return np.zeros(len(values), dtype)
     array = np.array(list(values) if isinstance(values, tuple) else values, dtype=dtype)
     if array.ndim != 1:
@@ -350,19 +339,13 @@ def _numbers(place: str, name: str, values: Any) -> np.ndarray:
     return array
 
 
-@cache
-def _limits(name: str) -> tuple[int, int]:
-    """Smallest and largest number of a whole type."""
-    limits = np.iinfo("uint8" if name in _BYTES else name)
-    return int(limits.min), int(limits.max)
-
-
 def _base(place: str, name: str, value: Any) -> Any:
     if value is None:
         return _ZERO.get(name, 0)
-    if name in ("string", "wstring"):
-        if not isinstance(value, str):
-            raise ValueError(f"{place} is a {name}, got {type(value).__name__}: {value!r}")
+    is_text = name in ("string", "wstring")
+    if is_text != isinstance(value, str):
+        raise ValueError(f"{place} is a {name}, got {value!r}")
+    if is_text:
         return value
     kind = bool if name == "bool" else float if name.startswith("float") else int
     try:
@@ -370,7 +353,14 @@ def _base(place: str, name: str, value: Any) -> Any:
     except (TypeError, ValueError) as error:
         raise ValueError(f"{place} is a {name}, got {value!r}") from error
     if kind is int:
-        least, most = _limits(name)
-        if number != value and not isinstance(value, bytes) or not least <= number <= most:
+        is_same = number == value or isinstance(value, bytes)
+        if not is_same or not _limits(name)[0] <= number <= _limits(name)[1]:
             raise ValueError(f"{place} is a {name}, got {value!r}")
     return number
+
+
+@cache
+def _limits(name: str) -> tuple[int, int]:
+    """Smallest and largest number of a whole type."""
+    limits = np.iinfo("uint8" if name in _BYTES else name)
+    return int(limits.min), int(limits.max)

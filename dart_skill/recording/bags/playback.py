@@ -18,7 +18,8 @@ from typing import NamedTuple
 from dart_skill.common.constants import NS_PER_S
 from dart_skill.recording.bags.reader import BagReader, TopicInfo
 
-CLOCK_TOPIC, CLOCK_TYPE = "/clock", "rosgraph_msgs/msg/Clock"
+CLOCK_TOPIC = "/clock"
+CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
 
 
 class Due(NamedTuple):
@@ -179,7 +180,7 @@ class Playback:
 
 
 BEHIND = 0.5
-"""Playing that is later than this does not catch up by itself [s of the clock]."""
+"""Largest delay of playing that it catches up by itself [s of the clock]."""
 
 
 class PlaybackPace:

@@ -14,28 +14,33 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from dart_skill.common.files import open_file, require_file
-from dart_skill.recording.bags._files import (
+from dart_skill.common.files import require_file
+from dart_skill.recording.bags.files import (
     chosen_files,
-    files_in,
     has_only_log,
+    is_of_ros1,
     is_packed,
     missing_parts,
-    open_input,
+    open_any,
     part_number,
     storage_of,
     unpack_file,
     unpacked_messages,
     unpacked_name,
 )
-from dart_skill.recording.bags._metadata import (
+from dart_skill.recording.bags.metadata import (
+    METADATA_FILE,
     RECORD_NAME,
+    definition_of,
     full_name,
     known_metadata,
+    lost_in,
+    message_encoding,
     parse_record,
     profiles,
     topics_of,
@@ -45,16 +50,17 @@ from dart_skill.recording.mcap import (
     BagMessage,
     DamagedError,
     McapInput,
-    Part,
     in_time_order,
 )
 
 if TYPE_CHECKING:
-    from mcap.records import Attachment, Channel, Schema
+    from mcap.records import Attachment, Channel
+    from rosbags.interfaces import Qos
     from rosbags.typesys.store import Typestore
 
-    from dart_skill.recording.bags._ros1 import Ros1Source
-    from dart_skill.recording.bags._sqlite import SqliteInput
+    from dart_skill.recording.bags._other_inputs import Ros1Input, SqliteInput
+
+    Input = McapInput | SqliteInput | Ros1Input
 
 _RECOVER = (
     "the file is cut off or damaged, its recorder was probably stopped before it closed the bag:"
@@ -65,7 +71,7 @@ OF_A_GRAPH = {
     "/demonstrations": "dart_skill_msgs/msg/Demonstration",
 }
 """Topics by which a graph is known in a bag, without its namespace, and their types."""
-ROS1_SUFFIX, ROS1_MAGIC = ".bag", b"#ROSBAG "
+ROS1_SUFFIX = ".bag"
 MAPPED = (".csv", ".tsv", ".txt", ".npy", ".npz", ".mat", ".parquet", ".c3d", ".trc", ".bvh")
 """Endings of files that a mapping describes (docs/recordings.md)."""
 
@@ -112,9 +118,9 @@ class BagFile:
     size
         In bytes.
     count
-        Messages; None if it is not known of this file alone.
+        Messages.
     start_ns, end_ns
-        Log times of its first and last message, 0 without messages; None like count.
+        Log times of its first and last message, 0 without messages.
     library
         Its writer.
     compression
@@ -123,9 +129,9 @@ class BagFile:
 
     path: Path
     size: int
-    count: int | None
-    start_ns: int | None
-    end_ns: int | None
+    count: int
+    start_ns: int
+    end_ns: int
     library: str = ""
     compression: str = ""
 
@@ -171,20 +177,34 @@ class BagReader:
             raise BagError(f"{self.path}: no such bag")
         metadata = known_metadata(self.path) if self.path.is_dir() else {}
         files = _storage_files(self.path, metadata)
-        with _explained(self.path):
-            if is_of_ros1(files[0]):
-                from dart_skill.recording.bags._ros1 import Ros1Source
-
-                self._source: _Source | Ros1Source = Ros1Source(files[0])
-            else:
-                self._source = _Source(self.path, files, metadata)
-            source = self._source
-            self._definitions = source.definitions
-        self.topics, self.files, self.metadata = source.topics, source.files, source.metadata
-        self.start_ns, self.end_ns = source.start_ns, source.end_ns
+        self._inputs: list[Input] = []
+        self._folder: TemporaryDirectory | None = None
+        try:
+            with _explained(self.path):
+                for file in files:
+                    with _explained(file):
+                        self._inputs.append(open_any(self._unpacked(file)))
+                if not metadata.get("relative_file_paths") and len(files) > 1:
+                    _require_one_bag(self.path, self._inputs)
+                records = (one for file in self._inputs for one in file.metadata())
+                own = [parse_record(one.metadata) for one in records if one.name == RECORD_NAME]
+        except BaseException:
+            self.close()
+            raise
+        self.metadata = metadata or (own[-1] if own else {})
+        filled = [file for file in self._inputs if file.message_count]
+        self.start_ns = min((file.start_ns for file in filled), default=0)
+        self.end_ns = max((file.end_ns for file in filled), default=0)
+        # of topics, by number of the file and number of the channel
+        self._names: dict[tuple[int, int], str] = {}
+        self.topics = self._topics()
+        self.files = [self._file(*both) for both in zip(files, self._inputs, strict=True)]
+        # each file of a split bag has all of them
+        schemas = (schema for file in self._inputs for schema in file.schemas.values())
+        self._definitions = tuple(dict.fromkeys(map(definition_of, schemas)))
         self.custom_data: dict[str, str] = dict(self.metadata.get("custom_data") or {})
         self.message_count = sum(topic.count for topic in self.topics.values())
-        self.storage = source.storage
+        self.storage = self._inputs[0].storage
 
     @property
     def types(self) -> Typestore:
@@ -208,15 +228,6 @@ class BagReader:
         # a store that was given may get other types later
         types_in = _types_in if self._given is None else _types_in.__wrapped__
         return types_in(self._definitions, self._other_types, names)
-
-    def _types_of(self, type_name: _DefinedType) -> tuple[Typestore, dict[str, str]]:
-        """The same for a type that the bag defines in several ways. type_name: with its own
-        definition.
-        """
-        others = (one for one in self._definitions if one[0] != type_name)
-        return _types_in(
-            (*others, type_name.definition), self._other_types, frozenset([type_name])
-        )
 
     @cached_property
     def _other_types(self) -> Typestore:
@@ -249,7 +260,7 @@ class BagReader:
         chosen = self._chosen(topics)
         limits = (0 if start_ns is None else start_ns, END_OF_TIME if stop_ns is None else stop_ns)
         with _explained(self.path):
-            found = self._called(self._source.messages(chosen, *limits, decode))
+            found = self._called(self._raw_messages(chosen, *limits, decode))
             found = _thinned(found, every_ns) if every_ns else found
             yield from (
                 (
@@ -277,10 +288,12 @@ class BagReader:
             raise BagError(
                 f"{self.path}: topic {topic} is encoded as '{encoding}', not as cdr: read it raw"
             )
-        types, unknown = (
-            self._types_of(known) if isinstance(known, _DefinedType) else self._all_types
-        )
+        types, unknown = self._all_types
         type_name = str(known)
+        if isinstance(known, _DefinedType):
+            others = (one for one in self._definitions if one[0] != type_name)
+            wanted = frozenset([type_name])
+            types, unknown = _types_in((*others, known.definition), self._other_types, wanted)
         if type_name not in types.fielddefs:
             reason = unknown.get(type_name, "which neither the bag nor the given types define")
             raise BagError(
@@ -321,11 +334,14 @@ class BagReader:
         """Files that were kept with the bag, as `mcap` reads them: name, media_type, data, times."""
         self._check_open()
         with _explained(self.path):
-            return self._source.attachments()
+            return [item for file in self._inputs for item in file.attachments()]
 
     def close(self) -> None:
         """Close the files; twice is no error."""
-        self._source.close()
+        for file in self._inputs:
+            file.close()
+        if self._folder is not None:
+            self._folder.cleanup()
 
     def __enter__(self) -> BagReader:
         return self
@@ -334,7 +350,7 @@ class BagReader:
         self.close()
 
     def _check_open(self) -> None:
-        if not self._source.is_open:
+        if not all(file.is_open for file in self._inputs):
             raise BagError(f"{self.path}: the bag is closed")
 
     def _chosen(self, topics: Iterable[str] | None) -> set[str]:
@@ -350,6 +366,72 @@ class BagReader:
     def _called(self, messages: Iterator[BagMessage]) -> Iterator[BagMessage]:
         """The messages, their topics under the names that this reader gives them."""
         return messages
+
+    def _raw_messages(
+        self, topics: set[str], start_ns: int, stop_ns: int, with_definitions: bool
+    ) -> Iterator[BagMessage]:
+        """Messages in order. with_definitions: types that the bag defines in several ways are a
+        `_DefinedType`.
+        """
+        ways = Counter(name for name, _encoding, _text in self._definitions)
+        parts = []
+        for k, file in enumerate(self._inputs):
+            wanted = {}
+            for number, channel in file.channels.items():
+                name = self._names[k, number]
+                if name not in topics:
+                    continue
+                type_name = _type_of(file, channel) or self._types[name]
+                if with_definitions and ways[type_name] > 1:
+                    type_name = _DefinedType(type_name)
+                    type_name.definition = definition_of(file.schemas[channel.schema_id])
+                wanted[number] = (name, type_name)
+            parts += file.parts(wanted, start_ns, stop_ns)
+        return unpacked_messages(in_time_order(parts))
+
+    def _unpacked(self, file: Path) -> Path:
+        """The file, or what it holds if it was compressed as a whole."""
+        if not is_packed(file):
+            return file
+        self._folder = self._folder or TemporaryDirectory(prefix="dart_skill_")
+        return unpack_file(file, Path(self._folder.name))
+
+    def _topics(self) -> dict[str, TopicInfo]:
+        """Counts from the files; what only metadata.yaml tells (types of schemaless channels,
+        hashes, QoS) from there.
+
+        Where channels of one topic have several encodings, those that are not CDR are topics of
+        their own, named after both.
+        """
+        told_of = topics_of(self.metadata)
+        every = [
+            (k, number, channel)
+            for k, file in enumerate(self._inputs)
+            for number, channel in file.channels.items()
+        ]
+        plain = {one.topic for _, _, one in every if message_encoding(one) == "cdr"}
+        found: dict[str, list[tuple[Channel, str, int]]] = {}
+        for k, number, channel in every:
+            encoding, file = message_encoding(channel), self._inputs[k]
+            is_other = encoding != "cdr" and channel.topic in plain
+            name = f"{channel.topic} ({encoding})" if is_other else channel.topic
+            self._names[k, number] = name
+            its = (channel, _type_of(file, channel), file.counts[number])
+            found.setdefault(name, []).append(its)
+        topics = {
+            name: _topic(name, channels, told_of.get(channels[0][0].topic, {}))
+            for name, channels in found.items()
+        }
+        self._types = {name: topic.type_name for name, topic in topics.items()}
+        return topics
+
+    def _file(self, file: Path, opened: Input) -> BagFile:
+        """What is known of a file."""
+        compression = opened.compression or self.metadata.get("compression_format") or ""
+        if is_packed(file):
+            compression = {".lz4": "lz4"}.get(file.suffix, "zstd")
+        size, extent = file.stat().st_size, (opened.start_ns, opened.end_ns)
+        return BagFile(file, size, opened.message_count, *extent, opened.library, compression)
 
 
 class GraphBag(BagReader):
@@ -403,180 +485,32 @@ class GraphBag(BagReader):
         return name.removeprefix(self.namespace) if name.startswith(f"{self.namespace}/") else name
 
 
-class _Source:
-    """The files of a bag, in order: MCAP or SQLite, as their first bytes say, packed or not."""
-
-    def __init__(self, path: Path, files: list[Path], metadata: dict):
-        self._files: list[McapInput | SqliteInput] = []
-        self._folder: TemporaryDirectory | None = None
-        try:
-            for file in files:
-                with _explained(file):
-                    self._files.append(open_input(self._unpacked(file)))
-            if not metadata.get("relative_file_paths") and len(files) > 1:
-                _require_one_bag(path, self._files)
-        except BaseException:
-            self.close()
-            raise
-        filled = [file for file in self._files if file.message_count]
-        self.start_ns = min((file.start_ns for file in filled), default=0)
-        self.end_ns = max((file.end_ns for file in filled), default=0)
-        self.metadata = metadata or self._embedded_metadata()
-        # of topics, by number of the file and number of the channel
-        self._names: dict[tuple[int, int], str] = {}
-        self.topics = self._topics()
-        told = self.metadata.get("compression_format") or ""
-        self.files = [
-            _bag_file(file, one, told) for file, one in zip(files, self._files, strict=True)
-        ]
-
-    @property
-    def is_open(self) -> bool:
-        return all(file.is_open for file in self._files)
-
-    @property
-    def storage(self) -> str:
-        return self._files[0].storage
-
-    @cached_property
-    def definitions(self) -> tuple[tuple[str, str, str], ...]:
-        """Type name, schema encoding and definition text of each type; each file of a split bag
-        has all of them.
-        """
-        return tuple(
-            dict.fromkeys(
-                _definition(schema) for file in self._files for schema in file.schemas.values()
-            )
-        )
-
-    def messages(
-        self, topics: set[str], start_ns: int, stop_ns: int, with_definitions: bool
-    ) -> Iterator[BagMessage]:
-        """Messages in order. with_definitions: types that the bag defines in several ways are a
-        `_DefinedType`.
-        """
-        parts: list[Part] = []
-        ways = (
-            Counter(name for name, _encoding, _text in self.definitions)
-            if with_definitions
-            else Counter[str]()
-        )
-        several = {name for name, count in ways.items() if count > 1}
-        for k, file in enumerate(self._files):
-            wanted = {
-                number: (
-                    name,
-                    _type_to_read(file, channel, several) or self.topics[name].type_name,
-                )
-                for number, channel in file.channels.items()
-                if (name := self._names[k, number]) in topics
-            }
-            parts += file.parts(wanted, start_ns, stop_ns)
-        return unpacked_messages(in_time_order(parts))
-
-    def attachments(self) -> list[Attachment]:
-        return [item for file in self._files for item in file.attachments()]
-
-    def close(self) -> None:
-        for file in self._files:
-            file.close()
-        if self._folder is not None:
-            self._folder.cleanup()
-
-    def _unpacked(self, file: Path) -> Path:
-        """The file, or what it holds if it was compressed as a whole."""
-        if not is_packed(file):
-            return file
-        if self._folder is None:
-            self._folder = TemporaryDirectory(prefix="dart_skill_")
-        return unpack_file(file, Path(self._folder.name))
-
-    def _embedded_metadata(self) -> dict:
-        """What the last file tells by itself."""
-        records = [
-            record
-            for file in self._files
-            for record in file.metadata()
-            if record.name == RECORD_NAME
-        ]
-        return parse_record(records[-1].metadata) if records else {}
-
-    def _topics(self) -> dict[str, TopicInfo]:
-        """Counts from the files; what only metadata.yaml tells (types of schemaless channels,
-        hashes, QoS) from there.
-
-        Where channels of one topic have several encodings, those that are not CDR are topics of
-        their own, named after both.
-        """
-        told_of = topics_of(self.metadata)
-        plain = {
-            channel.topic
-            for file in self._files
-            for channel in file.channels.values()
-            if _encoding(channel) == "cdr"
-        }
-        found: dict[str, list[_Channel]] = {}
-        for k, file in enumerate(self._files):
-            for number, channel in file.channels.items():
-                encoding = _encoding(channel)
-                name = (
-                    channel.topic
-                    if encoding == "cdr" or channel.topic not in plain
-                    else f"{channel.topic} ({encoding})"
-                )
-                self._names[k, number] = name
-                found.setdefault(name, []).append(
-                    _Channel(channel, _type_of(file, channel), file.counts[number])
-                )
-        return {
-            name: _topic(name, channels, told_of.get(channels[0].record.topic, {}))
-            for name, channels in found.items()
-        }
-
-
-@dataclass(frozen=True)
-class _Channel:
-    """A channel of a topic, as a file has it. count: of its messages."""
-
-    record: Channel
-    type_name: str
-    count: int
-
-
-def _topic(name: str, channels: list[_Channel], told: dict) -> TopicInfo:
-    """A topic of a bag from its channels. told: what metadata.yaml says of it."""
-    filled = [one for one in channels if one.count] or channels
-    types = list(dict.fromkeys(one.type_name for one in filled if one.type_name)) or [
-        full_name(told.get("type", ""))
-    ]
-    told_by_files = [one.record.metadata for one in channels]
-    hashes = [
-        told.get("type_description_hash"),
-        *(one.get("topic_type_hash") for one in told_by_files),
-    ]
-    qos = [
-        told.get("offered_qos_profiles"),
-        *(one.get("offered_qos_profiles") for one in told_by_files),
-    ]
+def _topic(name: str, channels: list[tuple[Channel, str, int]], told: dict) -> TopicInfo:
+    """A topic of a bag from its channels, with their types and numbers of messages. told: what
+    metadata.yaml says of it.
+    """
+    filled = [one for one in channels if one[2]] or channels
+    types = list(dict.fromkeys(type_name for _, type_name, _ in filled if type_name))
+    types = types or [full_name(told.get("type", ""))]
+    by_files = [channel.metadata for channel, _, _ in channels]
+    hashes = [told.get("type_description_hash"), *(m.get("topic_type_hash") for m in by_files)]
+    qos = [told.get("offered_qos_profiles"), *(m.get("offered_qos_profiles") for m in by_files)]
     return TopicInfo(
         name,
         types[0],
-        sum(one.count for one in channels),
+        sum(count for _, _, count in channels),
         next(filter(None, hashes), ""),
         next(filter(None, (profiles(name, one) for one in qos)), ()),
-        _encoding(channels[0].record),
+        message_encoding(channels[0][0]),
         tuple(types[1:]),
     )
 
 
-def _encoding(channel: Channel) -> str:
-    return "cdr" if channel.message_encoding.lower() in ("cdr", "") else channel.message_encoding
-
-
-def _type_of(file: McapInput | SqliteInput, channel: Channel) -> str:
+def _type_of(file: Input, channel: Channel) -> str:
     """Message type of a channel, of CDR under its full name; empty if the file does not tell it."""
-    name = file.type_name(channel)
-    return full_name(name) if _encoding(channel) == "cdr" else name
+    schema = file.schemas.get(channel.schema_id)
+    name = schema.name if schema is not None else ""
+    return full_name(name) if message_encoding(channel) == "cdr" else name
 
 
 class _DefinedType(str):
@@ -585,37 +519,6 @@ class _DefinedType(str):
     """
 
     definition: tuple[str, str, str]
-
-
-def _type_to_read(file: McapInput | SqliteInput, channel: Channel, several: set[str]) -> str:
-    """As `_type_of`, with its own definition if it has one of several. several: names of such
-    types.
-    """
-    name = _type_of(file, channel)
-    if name in several and (schema := file.schemas.get(channel.schema_id)) is not None:
-        name = _DefinedType(name)
-        name.definition = _definition(schema)
-    return name
-
-
-def _definition(schema: Schema) -> tuple[str, str, str]:
-    return full_name(schema.name), schema.encoding, schema.data.decode(errors="replace")
-
-
-def _bag_file(file: Path, opened: McapInput | SqliteInput, told: str) -> BagFile:
-    """What is known of a file. told: the compression that the metadata tell."""
-    compression = (
-        {".lz4": "lz4"}.get(file.suffix, "zstd") if is_packed(file) else opened.compression or told
-    )
-    return BagFile(
-        file,
-        file.stat().st_size,
-        opened.message_count,
-        opened.start_ns,
-        opened.end_ns,
-        opened.library,
-        compression,
-    )
 
 
 def _of_tables(folder: Path) -> str:
@@ -668,58 +571,39 @@ def _storage_files(path: Path, metadata: dict) -> list[Path]:
                 f"{path}: {', '.join(file.name for file in missing)} is missing, which"
                 " metadata.yaml names"
             )
-        files = files or files_in(path, (ROS1_SUFFIX,))
+        files = files or sorted(path.glob(f"*{ROS1_SUFFIX}"))
         if not files:
             raise BagError(
                 f"{path}: {_lone_logs(path) or 'no .mcap file in this folder' + _of_tables(path)}"
             )
-        if len(files) > 1 and files[0].suffix == ROS1_SUFFIX:
-            raise _not_one_bag(
-                path, len(files), "are of ROS 1, which has no bags of several files"
-            )
     for file in files:
         require_file(file)
     if lost := [file.name for file in files if has_only_log(file)]:
-        reason = f"{lost[0]} is empty (0 bytes), and what was recorded is in {lost[0]}-wal"
-        raise BagError(f"{path}: {reason}: 'dart-skill bag recover' reads it")
-    empty = [file for file in files if file.stat().st_size == 0]
-    if len(empty) == len(files):
-        names = ", ".join(file.name for file in empty)
+        raise BagError(
+            f"{path}: {lost[0]} is empty (0 bytes), and what was recorded is in {lost[0]}-wal:"
+            " 'dart-skill bag recover' reads it"
+        )
+    filled = [file for file in files if file.stat().st_size]
+    if not filled:
+        names = ", ".join(file.name for file in files)
         raise BagError(
             f"{path}: {names} is empty (0 bytes): the recorder stopped before its first write"
         )
     if len(files) > 1 and not metadata.get("relative_file_paths"):
-        _require_one_name(path, files)
-    return [file for file in files if file not in empty]
-
-
-def _require_one_name(path: Path, files: list[Path]) -> None:
-    """Files of a split bag without metadata.yaml are called NAME_0, NAME_1 ...; one of them may be
-    missing, but the first.
-    """
-    names, numbers = zip(*map(part_number, files), strict=True)
-    suffixes = {Path(unpacked_name(file.name)).suffix for file in files}
-    if (
-        len(suffixes) > 1
-        or len(set(names)) > 1
-        or len(set(numbers)) < len(files)
-        or numbers[0] < 0
-    ):
-        raise _not_one_bag(
-            path,
-            len(files),
-            "are not named as the parts of one bag (NAME_0.mcap, NAME_1.mcap ...)",
-        )
-    if numbers[0] > 0:
-        raise _not_one_bag(
-            path, len(files), f"lack the first part of a bag ({missing_parts(files)[0]})"
-        )
-
-
-def is_of_ros1(path: Path) -> bool:
-    """Whether a file is a bag of ROS 1, by its first bytes."""
-    with open_file(path) as stream:
-        return stream.read(len(ROS1_MAGIC)) == ROS1_MAGIC
+        # a part may be missing, but not the first
+        stems, numbers = zip(*map(part_number, files), strict=True)
+        suffixes = {Path(unpacked_name(file.name)).suffix for file in files}
+        are_parts = len(set(stems)) == len(suffixes) == 1 and len(set(numbers)) == len(files)
+        reason = ""
+        if files[0].suffix == ROS1_SUFFIX:
+            reason = "are of ROS 1, which has no bags of several files"
+        elif not are_parts or numbers[0] < 0:
+            reason = "are not named as the parts of one bag (NAME_0.mcap, NAME_1.mcap ...)"
+        elif numbers[0] > 0:
+            reason = f"lack the first part of a bag ({missing_parts(files)[0]})"
+        if reason:
+            raise _not_one_bag(path, len(files), reason)
+    return filled
 
 
 def _not_one_bag(path: Path, count: int, reason: str) -> BagError:
@@ -729,19 +613,18 @@ def _not_one_bag(path: Path, count: int, reason: str) -> BagError:
     )
 
 
-def _require_one_bag(path: Path, files: list[McapInput | SqliteInput]) -> None:
+def _require_one_bag(path: Path, files: list[Input]) -> None:
     """Files of a split bag without metadata.yaml (its recorder crashed) follow each other and
     agree on their topics.
     """
     types: dict[str, str] = {}
     for file in files:
         for channel in file.channels.values():
-            if file.counts[channel.id] and types.setdefault(
-                channel.topic, _type_of(file, channel)
-            ) != _type_of(file, channel):
-                raise _not_one_bag(path, len(files), f"disagree on the type of {channel.topic}")
+            name, own = channel.topic, _type_of(file, channel)
+            if file.counts[channel.id] and types.setdefault(name, own) != own:
+                raise _not_one_bag(path, len(files), f"disagree on the type of {name}")
     starts = [file.start_ns for file in files if file.message_count]
-    if any(later <= earlier for earlier, later in zip(starts, starts[1:], strict=False)):
+    if any(later <= earlier for earlier, later in pairwise(starts)):
         raise _not_one_bag(path, len(files), "do not follow each other in time")
 
 
@@ -779,3 +662,77 @@ def _explained(path: Path) -> Iterator[None]:
     except Exception as error:
         reason = (str(error) or type(error).__name__).rstrip(".")
         raise BagError(f"{path}: {reason}") from error
+
+
+def describe(
+    path: str | os.PathLike, types: Typestore | None = None, with_definitions: bool = True
+) -> dict:
+    """What a bag holds, in numbers, texts, lists and dicts only (JSON). Raises BagError.
+
+    Parameters
+    ----------
+    types
+        Known message types.
+    with_definitions
+        Whether to parse those of the bag and tell of each topic if its type is defined
+        (`is_defined`), which takes longer than all the rest.
+    """
+    with BagReader(path, types) as bag:
+        duration_ns = bag.end_ns - bag.start_ns
+        known = bag.types.fielddefs if with_definitions else {}
+        topics = [
+            {
+                "name": topic.name,
+                "type": topic.type_name,
+                "other_types": list(topic.other_types),
+                "count": topic.count,
+                "rate_hz": topic.count / duration_ns * 1e9 if duration_ns else 0.0,
+                "encoding": topic.encoding,
+                "type_hash": topic.type_hash,
+                **({"is_defined": topic.type_name in known} if with_definitions else {}),
+                "qos": list(map(_described_qos, topic.qos)),
+            }
+            for topic in bag.topics.values()
+        ]
+        files = [
+            {
+                "path": file.path.name,
+                "size_bytes": file.size,
+                "message_count": file.count,
+                "start_ns": file.start_ns,
+                "duration_ns": file.end_ns - file.start_ns,
+                "library": file.library,
+            }
+            for file in bag.files
+        ]
+        return {
+            "path": str(path),
+            "start_ns": bag.start_ns,
+            "end_ns": bag.end_ns,
+            "duration_ns": duration_ns,
+            "message_count": bag.message_count,
+            "storage": bag.storage,
+            "compression": ", ".join(sorted({file.compression for file in bag.files} - {""})),
+            "size_bytes": sum(file.size for file in bag.files),
+            "has_metadata_file": (Path(path) / METADATA_FILE).is_file(),
+            "ros_distro": bag.metadata.get("ros_distro") or "",
+            "files": files,
+            "topics": topics,
+            "attachments": [
+                {"name": one.name, "media_type": one.media_type, "size_bytes": len(one.data)}
+                for one in bag.attachments()
+            ],
+            "lost": lost_in(bag.custom_data),
+            "custom_data": bag.custom_data,
+        }
+
+
+def _described_qos(profile: Qos) -> dict:
+    return {
+        name: value.name.lower()
+        if hasattr(value, "name")
+        else {"sec": value.sec, "nsec": value.nsec}
+        if hasattr(value, "sec")
+        else value
+        for name, value in profile._asdict().items()
+    }

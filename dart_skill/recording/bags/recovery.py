@@ -13,7 +13,11 @@ import shutil
 from pathlib import Path
 
 from dart_skill.common.files import require_file
-from dart_skill.recording.bags._files import (
+from dart_skill.recording.bags._mcap_recovery import recover_mcap
+from dart_skill.recording.bags._recovered_bag import LostPlace, RecoveredBag, Recovery
+from dart_skill.recording.bags._sqlite_recovery import recover_sqlite
+from dart_skill.recording.bags._text_mode import as_it_was, how_copied
+from dart_skill.recording.bags.files import (
     SQLITE_MAGIC,
     SUFFIXES,
     foreign,
@@ -24,11 +28,7 @@ from dart_skill.recording.bags._files import (
     part_number,
     unpack,
 )
-from dart_skill.recording.bags._mcap_recovery import recover_mcap
-from dart_skill.recording.bags._metadata import read_metadata_file
-from dart_skill.recording.bags._recovered_bag import LostPlace, RecoveredBag, Recovery
-from dart_skill.recording.bags._sqlite_recovery import recover_sqlite
-from dart_skill.recording.bags._text_mode import as_it_was, how_copied
+from dart_skill.recording.bags.metadata import read_metadata_file
 from dart_skill.recording.bags.reader import BagError
 from dart_skill.recording.mcap import DamagedError, mapped
 
@@ -74,7 +74,7 @@ def recover(path: str | os.PathLike, output: str | os.PathLike) -> Recovery:
             shutil.rmtree(scratch)
         if len(files) > 1 and not told and len({part_number(file)[0] for file in files}) == 1:
             for name in missing_parts(files):
-                bag.lose(name, 0, 0, "by the numbers of the other files it is missing", None)
+                bag.lose(name, "by the numbers of the other files it is missing")
         return bag.finish()
     except BaseException:
         shutil.rmtree(output)  # made by this call
@@ -85,46 +85,32 @@ def _input(path: Path) -> tuple[list[Path], dict]:
     """Files of the bag in order, also those that are missing, and what metadata.yaml tells."""
     if not path.exists():
         raise BagError(f"{path}: no such bag")
+    told: dict = {}
     if not path.is_dir():
         require_file(path)
-        files, told = [path], {}
+        files = [path]
     else:
         # also where only the log of one is left
         there = {file.with_name(file.name.removesuffix("-wal")) for file in path.iterdir()}
         files = sorted((file for file in there if _is_for_messages(file)), key=part_number)
         try:
             told = read_metadata_file(path)
-            named = named_files(path, told)
-            files = _first_named([file for file in named if _is_for_messages(file)], files)
+            named = [file for file in named_files(path, told) if _is_for_messages(file)]
         except (OSError, ValueError, TypeError):
-            told = {}
+            told, named = {}, []
+        # the plain one of a compressed file stands for it, and the reverse
+        by_name = {_plain_name(file): file for file in files}
+        first = [file if file in files else by_name.get(_plain_name(file), file) for file in named]
+        names = set(map(_plain_name, first))
+        files = first + [file for file in files if _plain_name(file) not in names]
     if not files:
         raise BagError(f"{path}: no .mcap file and no .db3 file to recover")
     if all(
         file.is_file() and file.stat().st_size == 0 and not has_only_log(file) for file in files
     ):
-        names = ", ".join(file.name for file in files)
-        raise BagError(f"{path}: {names} is empty (0 bytes): there is nothing to recover")
+        told_names = ", ".join(file.name for file in files)
+        raise BagError(f"{path}: {told_names} is empty (0 bytes): there is nothing to recover")
     return files, told
-
-
-def _first_named(named: list[Path], there: list[Path]) -> list[Path]:
-    """Files that metadata.yaml names, then those that it does not; the plain one of a compressed
-    file stands for it, and the reverse.
-    """
-    found = [
-        (
-            file
-            if file in there
-            else next((one for one in there if _plain_name(one) == _plain_name(file)), file)
-        )
-        for file in named
-    ]
-    return found + [
-        file
-        for file in there
-        if file not in found and _plain_name(file) not in map(_plain_name, found)
-    ]
 
 
 def _is_for_messages(file: Path) -> bool:
@@ -139,13 +125,14 @@ def _take(bag: RecoveredBag, file: Path, scratch: Path) -> None:
     """Recover one file into the new bag. scratch: a folder for what is made on the way."""
     if has_only_log(file):
         state = "empty" if file.is_file() else "missing"
-        bag.lose(file.name, 0, 0, f"the file is {state}, only its write-ahead log is there", None)
+        bag.lose(file.name, f"the file is {state}, only its write-ahead log is there")
         recover_sqlite(bag, file.name, file, memoryview(b""), scratch)
         return
     if not file.is_file() or file.stat().st_size == 0:
-        reason = "the file is empty (0 bytes)" if file.is_file() else "the file is missing"
-        bag.lose(file.name, 0, 0, reason, None)
-        bag.is_exact = False
+        bag.lose(
+            file.name, ("the file is empty (0 bytes)" if file.is_file() else "the file is missing")
+        )
+        bag.result.is_exact = False
         return
     with mapped(file) as data:
         kind = packing(data)
@@ -162,12 +149,9 @@ def _take(bag: RecoveredBag, file: Path, scratch: Path) -> None:
         f" {plain.stat().st_size} bytes, unpacked"
     )
     if reason:
+        size = file.stat().st_size
         bag.lose(
-            file.name,
-            file.stat().st_size,
-            file.stat().st_size,
-            f"it could be unpacked only in part ({reason})",
-            None,
+            file.name, (f"it could be unpacked only in part ({reason})"), begin=size, end=size
         )
     with mapped(plain) as data:
         _take_plain(bag, plain, file, data, scratch)
@@ -178,52 +162,40 @@ def _take_plain(
 ) -> None:
     """Recover what is not compressed. named: the file that it stands for."""
     what = foreign(data) if len(data) else ""
-    copied = how_copied(data)
-    if not what and copied is None and not _is_for_messages(named) and not _is_one(data):
+    is_sqlite, is_mcap = bytes(data[:16]) == SQLITE_MAGIC, bytes(data[1:5]) == b"MCAP"
+    copied = None if what else how_copied(data)
+    if copied is not None:
+        mended = as_it_was(copied, file, scratch)
+        if mended is not None:
+            path, done, is_all = mended
+            with mapped(path) as again:
+                bag.note(
+                    f"{named.name}: {copied.text}; {done}; what follows is said of its"
+                    f" {len(again)} bytes as they were"
+                )
+                if not is_all:
+                    bag.note(
+                        f"{named.name}: fetch it again in binary mode if it is still to be had:"
+                        " then nothing is lost"
+                    )
+                _take_bytes(bag, path, named, again, scratch)
+            return
+        what = f"{copied.text}, which cannot be undone: fetch it again in binary mode"
+    elif not (what or _is_for_messages(named) or is_sqlite or is_mcap):
         what = "no bag: a bag is a folder with metadata.yaml, or a file of MCAP or SQLite"
-    if what:
-        _refuse(bag, named, len(data), f"it is {what}")
+    if not what:
+        _take_bytes(bag, file, named, data, scratch)
         return
-    if copied is None:
-        _take_bytes(bag, file, named.name, data, scratch)
-        return
-    mended = as_it_was(copied, data, scratch)
-    if mended is None:
-        _refuse(
-            bag,
-            named,
-            len(data),
-            f"{copied.text}, which cannot be undone: fetch it again in binary mode",
-        )
-        return
-    path, done, is_all = mended
-    with mapped(path) as again:
-        bag.note(
-            f"{named.name}: {copied.text}; {done}; what follows is said of its {len(again)} bytes"
-            " as they were"
-        )
-        if not is_all:
-            bag.note(
-                f"{named.name}: fetch it again in binary mode if it is still to be had: then"
-                " nothing is lost"
-            )
-        _take_bytes(bag, path, named.name, again, scratch)
+    bag.lose(named.name, what if copied else f"it is {what}", end=len(data))
+    bag.result.n_bytes += len(data)
+    bag.result.is_exact = False
 
 
-def _is_one(data: memoryview) -> bool:
-    """Whether a file begins as a bag does."""
-    return bytes(data[: len(SQLITE_MAGIC)]) == SQLITE_MAGIC or bytes(data[1:5]) == b"MCAP"
-
-
-def _refuse(bag: RecoveredBag, file: Path, size: int, reason: str) -> None:
-    bag.lose(file.name, 0, size, reason, None)
-    bag.n_bytes, bag.is_exact = bag.n_bytes + size, False
-
-
-def _take_bytes(bag: RecoveredBag, file: Path, name: str, data: memoryview, scratch: Path) -> None:
-    if bytes(data[: len(SQLITE_MAGIC)]) == SQLITE_MAGIC or (
-        ".db3" in Path(name).suffixes and not _is_one(data)
-    ):
-        recover_sqlite(bag, name, file, data, scratch)
+def _take_bytes(
+    bag: RecoveredBag, file: Path, named: Path, data: memoryview, scratch: Path
+) -> None:
+    is_mcap = bytes(data[1:5]) == b"MCAP"
+    if bytes(data[:16]) == SQLITE_MAGIC or (".db3" in named.suffixes and not is_mcap):
+        recover_sqlite(bag, named.name, file, data, scratch)
     else:
-        recover_mcap(bag, name, data)
+        recover_mcap(bag, named.name, data)

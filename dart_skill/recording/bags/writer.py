@@ -13,15 +13,14 @@ import os
 import struct
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import FileIO
 from pathlib import Path
 from threading import Event
 
-from dart_skill.recording.bags._files import sync_folder
-from dart_skill.recording.bags._metadata import (
+from dart_skill.recording.bags.files import sync_folder
+from dart_skill.recording.bags.metadata import (
     RECORD_NAME,
-    FileMetadata,
     TopicMetadata,
     bag_metadata,
     dump,
@@ -44,20 +43,12 @@ class BagWriteError(OSError):
 
 
 @dataclass
-class _WrittenTopic:
-    name: str
-    type_name: str
-    qos_text: str
-    qos: list
-    type_hash: str
-    channel: McapChannel | None  # in the current file
-    count: int = 0  # messages written
-    finished: int = 0  # of these in finished files
+class _WrittenTopic(TopicMetadata):
+    """A topic of the bag, with its messages in all. finished: those in finished files."""
 
-    @property
-    def saved(self) -> int:
-        """Messages that the current file holds."""
-        return self.channel.count if self.channel is not None else 0
+    qos_text: str = ""
+    channel: McapChannel | None = None  # in the current file
+    finished: int = 0
 
 
 def qos_yaml(
@@ -84,15 +75,13 @@ def qos_yaml(
     ValueError
         For a value that ROS does not have.
     """
-    allowed = {
-        "reliability": ("reliable", "best_effort"),
-        "durability": ("volatile", "transient_local"),
-        "history": ("keep_last", "keep_all", "unknown"),
-    }
-    given = {"reliability": reliability, "durability": durability, "history": history}
-    for name, value in given.items():
-        if value not in allowed[name]:
-            raise ValueError(f"QoS {name} = '{value}': give one of {allowed[name]}")
+    for name, value, allowed in (
+        ("reliability", reliability, ("reliable", "best_effort")),
+        ("durability", durability, ("volatile", "transient_local")),
+        ("history", history, ("keep_last", "keep_all", "unknown")),
+    ):
+        if value not in allowed:
+            raise ValueError(f"QoS {name} = '{value}': give one of {allowed}")
     profile = {
         "history": history,
         "depth": int(depth),
@@ -146,16 +135,9 @@ class BagWriter:
     ):
         self.path = Path(path)
         self.custom_data = _check_custom_data(custom_data or {})
-        self._chunk_size, self._max_bytes, self._max_duration_ns = (
-            int(chunk_size),
-            int(max_bytes),
-            int(max_duration_ns),
-        )
-        if (
-            self._max_bytes < 0
-            or self._max_duration_ns < 0
-            or 0 < self._max_bytes < 2 * self._chunk_size
-        ):
+        self._chunk_size, self._max_bytes = int(chunk_size), int(max_bytes)
+        self._max_duration_ns = int(max_duration_ns)
+        if min(max_bytes, max_duration_ns) < 0 or 0 < max_bytes < 2 * chunk_size:
             raise ValueError(
                 f"max_bytes = {max_bytes}, max_duration_ns = {max_duration_ns}: give 0 for no"
                 f" limit, and at least two chunks ({2 * self._chunk_size} bytes)"
@@ -165,7 +147,7 @@ class BagWriter:
         # the same, empty when nothing can be written any more
         self._writable: dict[str, _WrittenTopic] = {}
         self._types: dict[str, str] = {}
-        self._finished: list[FileMetadata] = []
+        self._finished: list[McapFile] = []
         self._file: McapFile | None = None  # none between two files
         self._flushed_ns = self._due_ns = (
             0  # log times: of the last flush, and when the next thing is due
@@ -233,12 +215,12 @@ class BagWriter:
             For a name, type or QoS that cannot be, or that contradicts what the bag has.
         """
         self._check_writable()
-        if not name.startswith("/"):
-            raise ValueError(f"topic '{name}': give the full name, with its leading slash")
         if name in self._topics:
             raise ValueError(
                 f"topic {name} is in the bag already, with type {self._topics[name].type_name}"
             )
+        if not name.startswith("/"):
+            raise ValueError(f"topic '{name}': give the full name, with its leading slash")
         if len(type_name.split("/")) != 3:
             raise ValueError(f"type '{type_name}' of topic {name}: write it as package/msg/Name")
         qos = parse_qos(name, qos_profile_yaml)
@@ -248,7 +230,7 @@ class BagWriter:
             )
         if self._types.setdefault(type_name, definition_text) != definition_text:
             raise ValueError(f"type {type_name} is in the bag already with another definition")
-        topic = _WrittenTopic(name, type_name, qos_profile_yaml, qos, type_hash, channel=None)
+        topic = _WrittenTopic(name, type_name, qos, type_hash, qos_text=qos_profile_yaml)
         with self._explained():
             topic.channel = self._channel(topic)
         self._topics[name] = self._writable[name] = topic
@@ -405,21 +387,19 @@ class BagWriter:
         """Write no more, for a reason that every later call meets. Called by the sync thread too."""
         self._writable = {}
         if self._failure is None:
-            files = [
-                *self._finished,
-                *([FileMetadata.of(self._file)] if self._file is not None else []),
-            ]
-            count, ends = (
-                sum(file.count for file in files),
-                [file.end_ns for file in files if file.end_ns is not None],
-            )
+            files = [*self._finished, *([self._file] if self._file is not None else [])]
+            count = sum(file.message_count for file in files)
+            ends = [file.end_ns for file in files if file.end_ns is not None]
             until = f", until log time {max(ends)} ns," if ends else ""
-            text = (
-                f"{error.strerror or error}: writing of the bag stopped; {count} messages{until}"
-                f" are in its files: make room, and see 'dart-skill bag check {self.path}'; if a"
-                " file is not whole, 'dart-skill bag recover' makes a new bag of it"
+            self._failure = (
+                error.errno,
+                (
+                    f"{error.strerror or error}: writing of the bag stopped; {count} messages{until}"
+                    f" are in its files: make room, and see 'dart-skill bag check {self.path}'; if a"
+                    " file is not whole, 'dart-skill bag recover' makes a new bag of it"
+                ),
+                str(self.file),
             )
-            self._failure = (error.errno, text, str(self.file))
         return BagWriteError(*self._failure)
 
     @contextmanager
@@ -484,7 +464,7 @@ class BagWriter:
         self._file = file
         self._schemas: dict[str, int] = {}
         self._full, self._file_first_ns, self._synced_bytes = False, None, 0
-        file.add_metadata(RECORD_NAME, record_values(self._metadata([FileMetadata.of(file)])))
+        file.add_metadata(RECORD_NAME, record_values(self._metadata([file])))
 
     def _finish_file(self) -> None:
         """End the file; the metadata record that rosbag2 writes at closing lets it tell what it
@@ -492,11 +472,11 @@ class BagWriter:
         """
         file = self._current
         file.end_chunk()
-        file.add_metadata(RECORD_NAME, record_values(self._metadata([FileMetadata.of(file)])))
+        file.add_metadata(RECORD_NAME, record_values(self._metadata([file])))
         file.finish()
-        self._finished.append(FileMetadata.of(file))
+        self._finished.append(file)
         for topic in self._topics.values():
-            topic.finished += topic.saved
+            topic.finished += topic.channel.count if topic.channel is not None else 0
             topic.channel = None
         self._file = None
 
@@ -512,18 +492,12 @@ class BagWriter:
             topic.name, "cdr", self._schemas[topic.type_name], metadata
         )
 
-    def _metadata(self, files: list[FileMetadata], in_file: bool = True) -> dict:
+    def _metadata(self, files: list[McapFile], in_file: bool = True) -> dict:
         """Metadata of the current file by itself, or of the whole bag."""
-        topics = [
-            TopicMetadata(
-                topic.name,
-                topic.type_name,
-                topic.qos,
-                topic.type_hash,
-                topic.saved if in_file else topic.finished,
-            )
-            for topic in self._topics.values()
-        ]
+        topics = []
+        for topic in self._topics.values():
+            in_current = topic.channel.count if topic.channel is not None else 0
+            topics.append(replace(topic, count=in_current if in_file else topic.finished))
         return bag_metadata(files, topics, self.custom_data, self._ros_distro)
 
 

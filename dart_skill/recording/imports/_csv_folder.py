@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,9 @@ import yaml
 from dart_skill.common.constants import NS_PER_S
 from dart_skill.common.world import joint_names, pose_topic, the_world
 from dart_skill.recording.bags import BagError, GraphBag
-from dart_skill.recording.demonstration import stamp_ns
-from dart_skill.recording.imports.joint_streams import JointStream
-from dart_skill.recording.imports.mapping import RecordingMapping
+from dart_skill.recording.imports.bag_topics import filled_topics, read_topics
+from dart_skill.recording.imports.joint_streams import JOINTS, JointStream
+from dart_skill.recording.imports.mapping import OWN, PoseSource, RecordingMapping, SignalSource
 from dart_skill.recording.imports.pose_stream import PoseStream
 from dart_skill.recording.imports.throw_recording import ThrowRecording, read_recording
 
@@ -29,7 +30,6 @@ MAPPING = "mapping.yaml"
 TIME = "time [s]"
 POSE = ("x [m]", "y [m]", "z [m]", "qx", "qy", "qz", "qw")
 STATES = "/joint_states"
-STATE_TYPE, POSE_TYPE = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped"
 
 
 def throws_to_csv(
@@ -151,44 +151,15 @@ def _write(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> 
 def _read_topics(
     source: str | os.PathLike, roles: Sequence[str]
 ) -> tuple[dict[str, PoseStream], JointStream | None]:
-    topics: Mapping[str, str] = {pose_topic(the_world().body(role)): role for role in roles}
+    topics = {role: pose_topic(the_world().body(role)) for role in roles}
     with GraphBag(source) as bag:
-        kinds = {**dict.fromkeys(topics, POSE_TYPE), STATES: STATE_TYPE}
-        there = [
-            name
-            for name, topic in bag.topics.items()
-            if topic.type_name == kinds.get(name) and topic.count
-        ]
-        found: dict[str, list] = {name: [] for name in there}
-        for item in bag.messages(there) if there else ():
-            found[item.topic].append(item.data)
-    poses = {
-        topics[name]: _pose_stream(topics[name], messages)
-        for name, messages in found.items()
-        if name in topics
-    }
-    return poses, _joint_stream(found[STATES]) if STATES in found else None
-
-
-def _stamps(messages: Sequence[Any]) -> np.ndarray:
-    return np.array([stamp_ns(one.header.stamp) for one in messages], dtype=np.int64)
-
-
-def _pose_stream(role: str, messages: Sequence[Any]) -> PoseStream:
-    poses = [one.pose for one in messages]
-    position = np.array([[p.position.x, p.position.y, p.position.z] for p in poses])
-    quaternion = np.array(
-        [[p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w] for p in poses]
-    )
-    return PoseStream(role, _stamps(messages), position, quaternion, messages[0].header.frame_id)
-
-
-def _joint_stream(messages: Sequence[Any]) -> JointStream:
-    n = len(messages[0].name)
-    velocity = [one.velocity if len(one.velocity) == n else np.full(n, np.nan) for one in messages]
-    return JointStream(
-        _stamps(messages),
-        np.array([one.position for one in messages]),
-        np.array(velocity),
-        tuple(messages[0].name),
-    )
+        posed, states = filled_topics(bag, "PoseStamped"), filled_topics(bag, "JointState")
+    bodies = {role: PoseSource(topic=topic) for role, topic in topics.items() if topic in posed}
+    joints = SignalSource(STATES) if STATES in states else None
+    mapping = replace(OWN, bodies=bodies, joints=joints, teacher=None, command=None)
+    (found,) = read_topics(Path(source), mapping, 0, in_graph=True)
+    poses = {}
+    for role in bodies:
+        one = found[role]
+        poses[role] = PoseStream(role, one.stamps, one.rows[:, :3], one.rows[:, 3:], one.frame)
+    return poses, found.get(JOINTS)

@@ -17,7 +17,7 @@ from dart_skill.recording.imports.mapping import ANGLE_UNITS, LENGTH_UNITS, TIME
 from dart_skill.recording.imports.text_files import TextFile, TextRow, Timing
 
 UNIT = re.compile(r"[\[(]\s*([a-z]+)\s*[\])]$")
-"""A unit in brackets at the end of the name of a column."""
+"""Pattern of a unit in brackets at the end of the name of a column."""
 UNITS: Mapping[str, Mapping[str, float]] = {
     "length": LENGTH_UNITS,
     "time": TIME_UNITS,

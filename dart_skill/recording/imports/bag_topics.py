@@ -8,7 +8,7 @@ import struct
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, lru_cache
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -21,16 +21,17 @@ from dart_skill.recording.bags import (
     BagMessage,
     BagReader,
     Columns,
+    Finding,
     GraphBag,
     TopicInfo,
     columns_by_layout,
     glance,
 )
-from dart_skill.recording.grip_signal import GUIDED_NS, GripSignal, read_commands
 from dart_skill.recording.imports.faults import BAG, NOTE, Fault
 from dart_skill.recording.imports.frame_tree import FrameTree, read_frame_tree
 from dart_skill.recording.imports.joint_streams import read_states
 from dart_skill.recording.imports.mapping import OWN, PoseSource, RecordingMapping, SignalSource
+from dart_skill.recording.signals import GUIDED_NS, GripSignal, read_commands
 
 BODY_TYPES = (
     "PoseStamped",
@@ -123,7 +124,9 @@ def bag_faults(source: Path, mapping: RecordingMapping = OWN) -> list[Fault]:
         The bag, or what is none.
     """
     topics = tuple(where.topic for where in _sources(mapping).values() if where.topic)
-    found = glance(source, topics) if topics else []
+    files = [source, *(source.iterdir() if source.is_dir() else ())]
+    changed_ns = max((file.stat().st_mtime_ns for file in files if file.exists()), default=0)
+    found = _glance(source, topics, changed_ns)
     return [
         Fault(BAG, one.place, 0, 0, 0, one.message, False, one.remedy)
         for one in found
@@ -131,11 +134,19 @@ def bag_faults(source: Path, mapping: RecordingMapping = OWN) -> list[Fault]:
     ]
 
 
+@lru_cache(maxsize=4)
+def _glance(source: Path, topics: tuple[str, ...], _changed_ns: int) -> list[Finding]:
+    """As `glance`, once for a command that reads a bag several times."""
+    return glance(source, topics) if topics else []
+
+
 def _sources(mapping: RecordingMapping) -> dict[str, PoseSource | SignalSource]:
     return {**mapping.bodies, **mapping.signals}
 
 
-def read_topics(source: Path, mapping: RecordingMapping, part_ns: int) -> Iterator[dict[str, Any]]:
+def read_topics(
+    source: Path, mapping: RecordingMapping, part_ns: int, in_graph: bool
+) -> Iterator[dict[str, Any]]:
     """What was collected for each role that is a topic, part by part; all at once for 0, or where
     the hand was not told to open.
 
@@ -147,12 +158,14 @@ def read_topics(source: Path, mapping: RecordingMapping, part_ns: int) -> Iterat
         Says which topics.
     part_ns
         Log time of a part, about; 0: all is one part [ns].
+    in_graph
+        Whether the bag is of a graph of ours, in whichever namespace; another one is one part.
     """
     wanted = {role: where for role, where in _sources(mapping).items() if where.topic}
     if not wanted:
         yield {}
         return
-    with (GraphBag if mapping is OWN else BagReader)(source) as bag:
+    with (GraphBag if in_graph else BagReader)(source) as bag:
         there = {}
         for role, where in wanted.items():
             if where.topic in bag.topics:
@@ -166,7 +179,7 @@ def read_topics(source: Path, mapping: RecordingMapping, part_ns: int) -> Iterat
         tree = cache(lambda: read_frame_tree(source))
         for part in _parts(
             bag.messages({where.topic for where in there.values()}, decode=False),
-            part_ns if signals else 0,
+            part_ns if signals and in_graph else 0,
         ):
             found = _collected(part, there, bag, signals, tree)
             _require_told_frames(found, there, tree)
@@ -322,14 +335,13 @@ def _in_frame(
         )
         text += f": taken to be '{where.frame}'"
         return replace(poses, faults=(Fault.of(NOTE, role, stamps, text, True),))
-    one = frame.removeprefix("/")
-    if not tree().connects(one, where.frame):
+    rows = _moved(poses, frame, where.frame, where, tree)
+    if rows is None:
         text = (
             f"{n} poses in '{frame}', and not in '{where.frame}', are left out, for no /tf leads"
             " there"
         )
         return Poses(faults=(Fault.of("frame", role, stamps, text, True),))
-    rows = _moved(poses, one, where.frame, where, tree)
     known = np.isfinite(rows).all(axis=1) | ~np.isfinite(poses.rows).all(axis=1)
     count, gone, faults = int(known.sum()), int((~known).sum()), []
     if count:
@@ -346,11 +358,11 @@ def _in_frame(
 
 def _moved(
     poses: Poses, frame: str, target: str, where: PoseSource, tree: Callable[[], FrameTree]
-) -> np.ndarray:
+) -> np.ndarray | None:
     """The poses (n, 7) in another frame as it was when they were seen, by the clock of the
-    mapping; nan where /tf does not tell it.
+    mapping; nan where /tf does not tell it, None where it does not lead there.
     """
-    by_log = where.clock.source == "log"
+    by_log, frame = where.clock.source == "log", frame.removeprefix("/")
     return tree().moved(poses.rows, frame, target, poses.log if by_log else poses.stamps, by_log)
 
 
@@ -370,10 +382,8 @@ def _require_told_frames(
     for role, poses, where in bodies[1:]:
         first, other = bodies[0][0], bodies[0][1].frame.removeprefix("/")
         frame = poses.frame.removeprefix("/")
-        if frame == other or not tree().connects(frame, other):
-            continue
-        moved = np.abs(_moved(poses, frame, other, where, tree) - poses.rows)
-        if moved[np.isfinite(moved)].max(initial=0.0) > SAME_POSE:
+        rows = None if frame == other else _moved(poses, frame, other, where, tree)
+        if rows is not None and np.nanmax(np.abs(rows - poses.rows), initial=0.0) > SAME_POSE:
             raise ValueError(
                 f"the {first} is told in '{other}' and the {role} in '{frame}', and /tf says that"
                 f" these differ: give both a frame, as {role}: {{frame: {other}}}, to which /tf"

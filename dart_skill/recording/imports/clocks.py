@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -19,7 +20,7 @@ from dart_skill.recording.imports.faults import BURSTS, SET_BACK, UNIT, UNSTAMPE
 from dart_skill.recording.imports.mapping import TIME_UNITS, Clock
 
 PAUSE = 0.5
-"""A longer silence ends a run of frames: the clock or the world may have been set anew [s]."""
+"""Shortest silence that ends a run of frames: the clock or the world may have been set anew [s]."""
 LEAST = 20
 """Samples from which a rate is told."""
 BUNCHED = 0.3
@@ -35,21 +36,21 @@ FEWEST_STEPS = 0.2
 is the largest.
 """
 BACK_NS = 500_000_000
-"""A stamp that runs back by more is no late message [ns]."""
+"""Longest time by which the stamp of a late message runs back [ns]."""
 BEHIND_NS = 20_000_000
-"""Stamps that run back by more, and stay behind, are of a clock that was set [ns]."""
+"""Longest time by which stamps run back and stay behind without a clock that was set [ns]."""
 APART_NS = 500_000_000
-"""Clocks whose stamps are farther apart, by the log, are not the same [ns]."""
+"""Largest difference, by the log, of the stamps of clocks that are the same [ns]."""
 SAME_NS = 50_000_000
-"""Messages of one clock are recorded with delays that differ by less [ns]."""
+"""Largest difference between the delays of messages of one clock [ns]."""
 DRIFTS_NS = 20_000_000
-"""Clocks that drift apart by less over a recording are not told of [ns]."""
+"""Largest time by which clocks drift apart over a recording that is not told [ns]."""
 MOST_DRIFT = 0.05
-"""No clock of a computer or camera runs faster or slower than another by a larger share."""
-MOST_STEPS = 5
-"""A clock that was set more often is none."""
+"""Largest share by which a clock of a computer or camera runs faster or slower than another."""
 BIN_NS = NS_PER_S
 """Log time over which the difference of two clocks is taken together [ns]."""
+MOST_STEPS = 5
+"""Largest number of times that a clock was set; more are none."""
 OVERFLOWS = {
     2**32: "32 bits of nanoseconds",
     2**32 * 10**3: "32 bits of microseconds",
@@ -62,27 +63,11 @@ OVERFLOWS = {
 HOUR_NS = 3600 * NS_PER_S
 
 
-@dataclass(frozen=True, eq=False)
-class Timed:
-    """Times of samples as a mapping reads them.
-
-    Parameters
-    ----------
-    stamp_ns
-        (n,) [ns].
-    kept
-        Which samples have a time at all (n,).
-    faults
-        What is wrong with the stamps that were recorded.
-    """
-
-    stamp_ns: np.ndarray
-    kept: np.ndarray
-    faults: list[Fault]
-
-
-def timed(body: str, stamps: np.ndarray, log_ns: np.ndarray | None, clock: Clock) -> Timed:
-    """The times of samples.
+def timed(
+    body: str, stamps: np.ndarray, log_ns: np.ndarray | None, clock: Clock
+) -> tuple[np.ndarray, np.ndarray, list[Fault]]:
+    """The times of samples as a mapping reads them (k,) [ns], which of them have a time at all
+    (n,), and what is wrong with the stamps that were recorded.
 
     Parameters
     ----------
@@ -96,10 +81,10 @@ def timed(body: str, stamps: np.ndarray, log_ns: np.ndarray | None, clock: Clock
         What a mapping says of them.
     """
     faults: list[Fault] = []
-    kept = np.ones(len(stamps), dtype=bool)
-    by_log = clock.source == "log" and log_ns is not None
-    times = log_ns if by_log and log_ns is not None else stamps
-    if not by_log and log_ns is not None:
+    kept, times = np.ones(len(stamps), dtype=bool), stamps
+    if log_ns is not None and clock.source == "log":
+        times = log_ns
+    elif log_ns is not None:
         # of a table that was done when its numbers were read
         times = in_seconds(stamps, clock.unit)
         if not clock.is_regular:
@@ -107,7 +92,7 @@ def timed(body: str, stamps: np.ndarray, log_ns: np.ndarray | None, clock: Clock
             times = times[kept]
     if clock.is_regular:
         times = regular(times, log_ns)
-    return Timed(clock.corrected(times), kept, faults)
+    return clock.corrected(times), kept, faults
 
 
 def in_seconds(stamps: np.ndarray, unit: str) -> np.ndarray:
@@ -135,21 +120,23 @@ def _stamp_faults(
         return np.ones(n, dtype=bool), []
     if not filled[0] and 0 < stamps[1] < NS_PER_S:
         filled[0] = True  # a clock that begins at 0, as that of a simulation or of a file
-    lasted = 1e-9 * float(log_ns.max() - log_ns.min())
-    recorded = f"they were recorded over {lasted:.1f} s"
+    lasted, text = 1e-9 * float(log_ns.max() - log_ns.min()), ""
     if not filled.any():
-        text = f"nobody filled in the stamps of {n} messages: all are 0; {recorded}"
-        return ~filled, [Fault.of(UNSTAMPED, body, stamps, text, remedy="time: log")]
-    if np.ptp(stamps) == 0 and lasted > 0.1:
-        text = f"all {n} messages have the same stamp, {1e-9 * stamps[0]:.3f} s; {recorded}"
-        return filled, [Fault.of(UNSTAMPED, body, stamps, text, remedy="time: log")]
+        text = f"nobody filled in the stamps of {n} messages: all are 0"
+    elif np.ptp(stamps) == 0 and lasted > 0.1:
+        text = f"all {n} messages have the same stamp, {1e-9 * stamps[0]:.3f} s"
+    if text:
+        text += f"; they were recorded over {lasted:.1f} s"
+        kept = filled if filled.any() else ~filled
+        return kept, [Fault.of(UNSTAMPED, body, stamps, text, remedy="time: log")]
     faults = []
     known, log = stamps[filled], log_ns[filled]
     if gone := n - len(known):
         text = f"nobody filled in the stamps of {gone} of {n} messages, which are 0: left out"
         few = gone <= 0.05 * n
-        remedy = "" if few else "time: log"
-        faults.append(Fault.of(UNSTAMPED, body, known, text, few, remedy, gone))
+        faults.append(
+            Fault.of(UNSTAMPED, body, known, text, few, ("" if few else "time: log"), gone)
+        )
     wrong = _overflow(known, log) or _rate_fault(known, log) or _step_fault(known, log)
     if wrong:
         kind, text, remedy = wrong
@@ -193,44 +180,44 @@ def _step_fault(stamps: np.ndarray, log_ns: np.ndarray) -> _Wrong:
         rate is not None and rate.is_bunched
     ) or FEWEST_STEPS * logged < step < logged / FEWEST_STEPS:
         return None
-    text = (
-        f"stamps go forward by {1e-6 * step:.3f} ms from one message to the next, which are"
-        f" {1e-6 * logged:.3f} ms apart: the nanoseconds are filled in wrongly"
+    return (
+        UNIT,
+        (
+            f"stamps go forward by {1e-6 * step:.3f} ms from one message to the next, which are"
+            f" {1e-6 * logged:.3f} ms apart: the nanoseconds are filled in wrongly"
+        ),
+        "time: log",
     )
-    return UNIT, text, "time: log"
 
 
 def _overflow(stamps: np.ndarray, log_ns: np.ndarray) -> _Wrong:
     """Stamps that run back again and again by the same time, or once by more than a late message."""
     steps = np.diff(stamps)
-    back = -steps[steps < -BACK_NS]
-    if not len(back):
+    rows = np.flatnonzero(steps < -BACK_NS) + 1
+    if not len(rows):
         return None
+    back = -steps[rows - 1]
     usual = float(np.median(back))
-    counter = next(
-        (
-            text
-            for ns, text in OVERFLOWS.items()
-            if abs(usual - ns) < 0.02 * ns and len(back) > np.ptp(log_ns) / ns - 2
-        ),
-        "",
+    counters = (
+        text
+        for ns, text in OVERFLOWS.items()
+        if abs(usual - ns) < 0.02 * ns and len(back) > np.ptp(log_ns) / ns - 2
     )
+    counter = next(counters, "")
     if not counter and (len(back) == 1 or np.ptp(back) > 0.05 * usual):
         return None
-    why = (
-        f"as a counter of {counter} does that overflows"
-        if counter
-        else "the clock was set, or a bag was played again"
-    )
-    text = f"stamps run back {len(back)} times by {1e-9 * usual:.3f} s, {why}"
-    if not counter and len(back) <= MOST_STEPS:
-        rows, late = np.flatnonzero(steps < -BACK_NS) + 1, 1e-9 * (log_ns - stamps)
+    why = "the clock was set, or a bag was played again"
+    remedy = "time: log"
+    if counter:
+        why = f"as a counter of {counter} does that overflows"
+    elif len(back) <= MOST_STEPS:
+        late = 1e-9 * (log_ns - stamps)
         by = [
             float(np.median(late[row : row + LEAST]) - np.median(late[max(0, row - LEAST) : row]))
             for row in rows
         ]
-        return SET_BACK, text, f"time_steps: {steps_at(stamps, rows, by)}"
-    return SET_BACK, text, "time: log"
+        remedy = f"time_steps: {steps_at(stamps, rows, by)}"
+    return SET_BACK, f"stamps run back {len(back)} times by {1e-9 * usual:.3f} s, {why}", remedy
 
 
 def clocks_apart(streams: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> list[Fault]:
@@ -394,13 +381,11 @@ def steps_at(
     by
         What is to be added from each of them on [s].
     """
-    at = [
-        0.5e-9 * float(stamps[row - 1] + stamps[row]) + 0.5 * more
-        for row, more in zip(rows, by, strict=True)
-    ]
-    return [
-        [round(float(when), 4), round(float(more), 4)] for when, more in zip(at, by, strict=True)
-    ]
+    found = []
+    for row, more in zip(rows, by, strict=True):
+        at = 0.5e-9 * float(stamps[row - 1] + stamps[row]) + 0.5 * more
+        found.append([round(float(at), 4), round(float(more), 4)])
+    return found
 
 
 def _slope(at: np.ndarray, values: np.ndarray) -> float:
@@ -454,8 +439,8 @@ def rate_of(time: np.ndarray) -> Rate | None:
     return Rate(interval / count, interval, count)
 
 
-def bunched(body: str, stamps: np.ndarray) -> tuple[Rate, list[Fault]] | None:
-    """The rate of samples that come in bursts, and that as a fault; None if they do not.
+def bunched(body: str, stamps: np.ndarray) -> list[Fault]:
+    """Samples that come in bursts as a fault; none if they do not.
 
     Parameters
     ----------
@@ -466,15 +451,22 @@ def bunched(body: str, stamps: np.ndarray) -> tuple[Rate, list[Fault]] | None:
     """
     rate = rate_of((stamps - stamps[:1]) * 1e-9)
     if rate is None or not rate.is_bunched:
-        return None
+        return []
     steps = 1e-9 * np.diff(stamps)
     within = float(np.median(steps[steps < 0.5 * rate.interval])) * (rate.count - 1)
-    text = (
-        f"stamps come in bursts, {rate.count} within {1e3 * within:.1f} ms every"
-        f" {1e3 * rate.interval:.0f} ms: of receipt, and not of the frames, of which there are"
-        f" {1.0 / rate.period:.1f} a second"
-    )
-    return rate, [Fault.of(BURSTS, body, stamps, text, remedy="time: regular")]
+    return [
+        Fault.of(
+            BURSTS,
+            body,
+            stamps,
+            (
+                f"stamps come in bursts, {rate.count} within {1e3 * within:.1f} ms every"
+                f" {1e3 * rate.interval:.0f} ms: of receipt, and not of the frames, of which there are"
+                f" {1.0 / rate.period:.1f} a second"
+            ),
+            remedy="time: regular",
+        )
+    ]
 
 
 def regular(times: np.ndarray, log_ns: np.ndarray | None) -> np.ndarray:
@@ -492,29 +484,33 @@ def regular(times: np.ndarray, log_ns: np.ndarray | None) -> np.ndarray:
     log_ns
         When they were recorded (n,) [ns], None where that was not kept.
     """
-    ruler = _ruler(times, log_ns)
-    order = np.maximum.accumulate(ruler)
+    order = np.maximum.accumulate(_ruler(times, log_ns))
     time = (order - order[:1]) * 1e-9
     rate = rate_of(time)
     if rate is None:
         return times
     longest = PAUSE if not rate.is_bunched else min(PAUSE, 2.5 * rate.interval)
-    steps = np.diff(time)
-    frames = (
-        np.ones(len(steps))
-        if rate.is_bunched or not _is_steady(time)
-        else np.maximum(1.0, np.rint(steps / rate.period))
-    )
-    ends = np.concatenate([[0], np.flatnonzero(steps > longest) + 1, [len(time)]])
-    numbers = [
-        np.concatenate([[0.0], np.cumsum(frames[a : b - 1])])
-        for a, b in zip(ends[:-1], ends[1:], strict=True)
-    ]
-    period = _common_period(time, ends, numbers) or rate.period
+    steps, usual = np.diff(time), _without_pauses(time)
+    # most of them are the usual one
+    is_steady = np.mean(np.abs(usual - np.median(usual)) < 0.3 * np.median(usual)) > 0.8
+    frames = np.ones(len(steps))
+    if is_steady and not rate.is_bunched:
+        frames = np.maximum(1.0, np.rint(steps / rate.period))
+    ends = [0, *(np.flatnonzero(steps > longest) + 1).tolist(), len(time)]
+    runs = [slice(first, last) for first, last in pairwise(ends)]
+    numbers = [np.append(0.0, np.cumsum(frames[run.start : run.stop - 1])) for run in runs]
+    # slope of time over the number of the frame, of all stretches together
+    above = below = 0.0
+    for run, number in zip(runs, numbers, strict=True):
+        if len(number) >= LEAST:
+            centred = number - number.mean()
+            above += float(centred @ (time[run] - time[run].mean()))
+            below += float(centred @ centred)
+    period = above / below if above and below else rate.period
     found = times.copy()
-    for (first, last), number in zip(zip(ends[:-1], ends[1:], strict=True), numbers, strict=True):
-        origin = float(np.quantile(time[first:last] - period * number, 0.02))
-        found[first:last] = order[0] + np.rint(1e9 * (origin + period * number)).astype(np.int64)
+    for run, number in zip(runs, numbers, strict=True):
+        origin = float(np.quantile(time[run] - period * number, 0.02))
+        found[run] = order[0] + np.rint(1e9 * (origin + period * number)).astype(np.int64)
     return found
 
 
@@ -537,34 +533,12 @@ def _ruler(times: np.ndarray, log_ns: np.ndarray | None) -> np.ndarray:
 def _unsteadiness(time: np.ndarray) -> float:
     """By which share the usual step of times (n,) [s] differs from the mean one."""
     steps = _without_pauses(time)
-    return (
-        abs(1.0 - float(np.median(steps) / np.mean(steps)))
-        if len(steps) and np.mean(steps) > 0.0
-        else np.inf
-    )
+    if not len(steps) or np.mean(steps) <= 0.0:
+        return np.inf
+    return abs(1.0 - float(np.median(steps) / np.mean(steps)))
 
 
 def _without_pauses(time: np.ndarray) -> np.ndarray:
     """Steps between times (n,) [s], but for those over a pause."""
     steps = np.diff(time)
     return steps[steps < PAUSE]
-
-
-def _is_steady(time: np.ndarray) -> bool:
-    """Whether most steps of times (n,) [s] are the usual one."""
-    steps = _without_pauses(time)
-    median = float(np.median(steps))
-    return float(np.mean(np.abs(steps - median) < 0.3 * median)) > 0.8
-
-
-def _common_period(time: np.ndarray, ends: np.ndarray, numbers: list[np.ndarray]) -> float:
-    """Slope of time over the number of the frame, of all stretches together [s]; 0 if there is
-    none.
-    """
-    above = below = 0.0
-    for first, last, number in zip(ends[:-1], ends[1:], numbers, strict=True):
-        if last - first >= LEAST:
-            centred = number - number.mean()
-            above += float(centred @ (time[first:last] - time[first:last].mean()))
-            below += float(centred @ centred)
-    return above / below if below else 0.0

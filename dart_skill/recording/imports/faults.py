@@ -10,8 +10,14 @@ import numpy as np
 
 MOST_OF_A_KIND = 4
 """Most faults of one kind and body that have a line of their own."""
-GAP, NOTE, BAG, BACKWARDS = "gap", "note", "bag", "backwards"
-UNSTAMPED, UNIT, SET_BACK, BURSTS = "unstamped", "unit", "set_back", "bursts"
+GAP = "gap"
+NOTE = "note"
+BAG = "bag"
+BACKWARDS = "backwards"
+UNSTAMPED = "unstamped"
+UNIT = "unit"
+SET_BACK = "set_back"
+BURSTS = "bursts"
 TIMELESS = (UNSTAMPED, UNIT, SET_BACK, BURSTS)
 """Kinds of stamps that tell no time: not filled in, in another unit, of a counter that overflows
 or a clock that was set, of receipt.
@@ -33,7 +39,7 @@ class Fault:
         leap, outlier; of joints those of `joint_streams`; of stamps those of `clocks`; BAG of the
         bag itself; or what is no fault: of INFORMATION.
     body
-        Its name; of an exchange, both names; `joints` for the arm's; of a bag its file or topic.
+        Its name; `joints` for the arm's; of a bag its file or topic.
     start_ns, stop_ns
         Stamps of the first and last sample that is concerned.
     count
@@ -44,7 +50,7 @@ class Fault:
         What mends it in a mapping, below the body's name, or what to do about a bag; empty if
         nothing does.
     repaired
-        What is left is right as far as anybody can tell; samples that were left out count as
+        Whether what is left is right, as far as can be told; samples that were left out count as
         repaired if nothing was known of them.
     """
 

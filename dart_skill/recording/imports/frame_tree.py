@@ -8,11 +8,9 @@ after the last. One that never changes holds at all times.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -92,14 +90,11 @@ class FrameTree:
             self._neighbours[parent].append(child)
             self._neighbours[child].append(parent)
 
-    def connects(self, frame: str, target: str) -> bool:
-        """Whether transforms lead from one frame to another."""
-        return bool(self._path(frame, target))
-
     def moved(
         self, rows: np.ndarray, frame: str, target: str, instants: np.ndarray, by_log: bool = False
-    ) -> np.ndarray:
-        """Poses in another frame (n, 7), nan where a transform between them is not known.
+    ) -> np.ndarray | None:
+        """Poses in another frame (n, 7), nan where a transform between them is not known; None
+        where nothing connects the two.
 
         Parameters
         ----------
@@ -111,35 +106,6 @@ class FrameTree:
             Of the poses (n,) [ns].
         by_log
             Whether these are log times instead of stamps.
-
-        Raises
-        ------
-        ValueError
-            If nothing connects them.
-        """
-        path = self._path(frame, target)
-        if not path:
-            raise ValueError(f"no transform leads from '{frame}' to '{target}'")
-        position, quaternion = rows[:, :3], rows[:, 3:]
-        for one, following in pairwise(path):
-            if (following, one) in self._transforms:
-                pose = self._transforms[following, one].at(instants, by_log)
-                position, quaternion = (
-                    rotate(pose[:, 3:], position) + pose[:, :3],
-                    product(pose[:, 3:], quaternion),
-                )
-            else:
-                pose = self._transforms[one, following].at(instants, by_log)
-                back = pose[:, 3:] * CONJUGATE
-                position, quaternion = (
-                    rotate(back, position - pose[:, :3]),
-                    product(back, quaternion),
-                )
-        return np.hstack([position, quaternion])
-
-    def _path(self, frame: str, target: str) -> list[str]:
-        """Names of the frames from one to the other, both included; empty if nothing connects
-        them.
         """
         reached = {frame: [frame]}
         for name in (waiting := [frame]):
@@ -147,44 +113,48 @@ class FrameTree:
                 if neighbour not in reached:
                     reached[neighbour] = [*reached[name], neighbour]
                     waiting.append(neighbour)
-        return reached.get(target, [])
+        if target not in reached:
+            return None
+        position, quaternion = rows[:, :3], rows[:, 3:]
+        for one, following in pairwise(reached[target]):
+            is_up = (following, one) in self._transforms
+            edge = (following, one) if is_up else (one, following)
+            pose = self._transforms[edge].at(instants, by_log)
+            turn = pose[:, 3:] if is_up else pose[:, 3:] * CONJUGATE
+            position = (
+                rotate(turn, position) + pose[:, :3]
+                if is_up
+                else rotate(turn, position - pose[:, :3])
+            )
+            quaternion = product(turn, quaternion)
+        return np.hstack([position, quaternion])
 
 
 def read_frame_tree(path: Path) -> FrameTree:
     """The frames of a bag, from every topic that is called tf or tf_static in whichever namespace;
-    BagError.
+    BagError. What is no rotation is left out.
     """
-    told: defaultdict[tuple[str, str], list[tuple[int, int, Any]]] = defaultdict(list)
+    told: defaultdict[tuple[str, str], list[tuple]] = defaultdict(list)
     with BagReader(path) as bag:
         topics = [
             name
             for name, one in bag.topics.items()
-            if one.type_name.endswith("/TFMessage") and _is_tf(name)
+            if one.type_name.endswith("/TFMessage")
+            and name.rsplit("/", 1)[-1] in ("tf", "tf_static")
         ]
         for message in bag.messages(topics, decode=False) if topics else ():
             for one in deserialize(bag.types, message.type_name, message.data).transforms:
                 stamp = one.header.stamp.sec * NS_PER_S + one.header.stamp.nanosec
-                edge = (
-                    one.header.frame_id.removeprefix("/"),
-                    one.child_frame_id.removeprefix("/"),
-                )
-                told[edge].append((stamp, message.stamp_ns, one.transform))
-    found = {edge: _transform(of_this) for edge, of_this in told.items()}
-    return FrameTree({edge: one for edge, one in found.items() if len(one.rows)})
-
-
-def _is_tf(topic: str) -> bool:
-    return topic.rsplit("/", 1)[-1] in ("tf", "tf_static")
-
-
-def _transform(told: Iterable[tuple[int, int, Any]]) -> FrameTransform:
-    """What was told of one transform, without what is no rotation."""
-    stamps, log, contents = zip(*told, strict=True)
-    parts = [(one.translation, one.rotation) for one in contents]
-    rows = np.array([(p.x, p.y, p.z, q.x, q.y, q.z, q.w) for p, q in parts])
-    known = np.isfinite(rows).all(axis=1) & (np.abs(rows[:, 3:]).max(axis=1) > 0.0)
-    rows = rows[known]
-    rows[:, 3:] = unit(rows[:, 3:])
-    return FrameTransform(
-        np.array(stamps, dtype=np.int64)[known], np.array(log, dtype=np.int64)[known], rows
-    )
+                frames = one.header.frame_id, one.child_frame_id
+                p, q = one.transform.translation, one.transform.rotation
+                row = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+                if np.isfinite(row).all() and any(row[3:]):
+                    edge = frames[0].removeprefix("/"), frames[1].removeprefix("/")
+                    told[edge].append((stamp, message.stamp_ns, row))
+    found = {}
+    for edge, of_this in told.items():
+        stamps, log, several = zip(*of_this, strict=True)
+        rows = np.array(several, dtype=float)
+        rows[:, 3:] = unit(rows[:, 3:])
+        found[edge] = FrameTransform(np.array(stamps), np.array(log), rows)
+    return FrameTree(found)

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from dart_skill.common.world import joint_names
 from dart_skill.recording.bags import BagMessage, columns_by_layout
 from dart_skill.recording.imports.faults import NOTE, Fault
 from dart_skill.recording.imports.mapping import ANGLE_UNITS, SignalSource
-from dart_skill.recording.joint_state import JointLayout, joint_layout
+from dart_skill.recording.signals import JointLayout, joint_layout
 
 JOINTS = "joints"
 """What the arm's joints are called in faults and in a mapping."""
@@ -31,13 +32,17 @@ APART = 0.02
 AT_ONCE_NS = 250_000_000
 """Messages that are nearer to each other in time can be compared [ns]."""
 SILENCE_NS = 1_000_000_000
-"""A voice that is silent for longer may have been replaced by another one [ns]."""
+"""Shortest silence of a voice after which another one may have replaced it [ns]."""
 OFTEN = 10
 """Fewest leaps away and back that tell of a second publisher."""
 STRETCH_NS = 500_000_000
-"""Speeds are not taken over a longer silence [ns]."""
+"""Longest silence over which speeds are taken [ns]."""
+COLUMNS = ("stamp_ns", "log_ns", "position", "velocity")
+"""Names of the arrays of `JointStream`."""
 MOVES = 0.01
-"""A joint whose positions differ by more has moved [rad]."""
+"""Smallest range of the positions of a joint that has moved [rad]."""
+_APART = "messages of their own"
+"""Where joints are that are put together, as it is told."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,57 +56,28 @@ class JointStream:
     position
         (n, 7) [rad].
     velocity
-        (n, 7) [rad/s].
+        (n, 7) [rad/s]; nan where they were not recorded.
     names
         Of the joints; may be empty.
-    """
-
-    stamp_ns: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    names: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class States:
-    """Rows of the arm's joints, in the order of recording, as they were recorded.
-
-    Parameters
-    ----------
-    stamp_ns, log_ns
-        (n,) [ns].
-    position, velocity
-        (n, 7) [rad], [rad/s], in the senses and from the zeros that were recorded; nan where they
-        were not recorded.
-    names
-        Of the joints; may be empty.
+    log_ns
+        When they were recorded (n,) [ns]; empty where that is not known.
     faults
         What else was on the topic, and what is wrong.
     """
 
     stamp_ns: np.ndarray
-    log_ns: np.ndarray
     position: np.ndarray
     velocity: np.ndarray
     names: tuple[str, ...] = ()
+    log_ns: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
     faults: tuple[Fault, ...] = ()
-
-    @classmethod
-    def none(cls, names: tuple[str, ...]) -> States:
-        """No rows."""
-        stamps, rows = np.empty(0, np.int64), np.empty((0, N_JOINTS))
-        return cls(stamps, stamps, rows, rows, names)
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
-    def take(self, index: np.ndarray) -> States:
+    def take(self, index: np.ndarray) -> JointStream:
         """The rows of an index array or mask."""
-        columns = {
-            name: getattr(self, name)[index]
-            for name in ("stamp_ns", "log_ns", "position", "velocity")
-        }
-        return replace(self, **columns)
+        return replace(self, **{name: getattr(self, name)[index] for name in COLUMNS})
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,14 +86,14 @@ class _Voice:
 
     * names: of all joints that they name; n_velocities: how many of those they have; frame: of
       their header.
-    * index: places among all messages (n,), ascending; stamp_ns, log_ns: (n,).
+    * first: place of the first of them among all messages; stamp_ns, log_ns: (n,).
     * position, velocity: (n, k).
     """
 
     names: tuple[str, ...]
     n_velocities: int
     frame: str
-    index: np.ndarray
+    first: int
     stamp_ns: np.ndarray
     log_ns: np.ndarray
     position: np.ndarray
@@ -127,15 +103,13 @@ class _Voice:
         return joint_layout(self.names, self.position.shape[1], self.n_velocities, wanted)
 
     def __len__(self) -> int:
-        return len(self.index)
+        return len(self.stamp_ns)
 
     def __str__(self) -> str:
-        names = f"{_listed(self.names)}" if self.names else "no joint by name"
+        names = _listed(self.names) if self.names else "no joint by name"
         speeds = "" if self.n_velocities else ", no velocities"
-        return (
-            f"{len(self)} messages that list"
-            f" {names}{speeds}{f', in frame {self.frame!r}' if self.frame else ''}"
-        )
+        frame = f", in frame {self.frame!r}" if self.frame else ""
+        return f"{len(self)} messages that list {names}{speeds}{frame}"
 
 
 def read_states(
@@ -144,7 +118,7 @@ def read_states(
     decode: Callable[[BagMessage], Any],
     where: SignalSource,
     stamp_of: Callable[[Any], int],
-) -> States:
+) -> JointStream:
     """The arm's joint states among the messages of a topic.
 
     Parameters
@@ -167,7 +141,7 @@ def read_states(
     """
     voices = _voices(messages, types, decode, stamp_of, ANGLE_UNITS[where.angle])
     if not voices:
-        return States.none(where.names)
+        return _no_rows(where.names)
     asked = [
         one for one in voices if where.frame in ("", one.frame) and where.listed in ((), one.names)
     ]
@@ -181,7 +155,7 @@ def read_states(
 
 
 def joint_stream(
-    states: States, stamps: np.ndarray, where: SignalSource
+    states: JointStream, stamps: np.ndarray, where: SignalSource
 ) -> tuple[JointStream, list[Fault]]:
     """The states in our angles with their velocities, and what was missing of these.
 
@@ -194,11 +168,11 @@ def joint_stream(
     where
         Signs and zeros.
     """
-    scale = np.array(where.signs) if where.signs else np.ones(N_JOINTS)
-    position = scale * states.position + (np.array(where.zeros) if where.zeros else 0.0)
-    velocity = scale * states.velocity
-    velocity, faults = _with_speeds(stamps, position, velocity)
-    return JointStream(stamps, position, velocity, states.names), faults
+    scale = np.array(where.signs or (1.0,) * N_JOINTS)
+    position = scale * states.position + np.array(where.zeros or (0.0,) * N_JOINTS)
+    velocity, faults = _with_speeds(stamps, position, scale * states.velocity)
+    found = replace(states, stamp_ns=stamps, position=position, velocity=velocity, faults=())
+    return found, faults
 
 
 # what was published
@@ -226,32 +200,16 @@ def _voices(
         parts.setdefault(_key(first), []).append((columns.index, columns.stamps, *numbers))
     for k in left:
         one = decode(messages[k])
-        numbers = (
-            np.array(one.position, dtype=float)[None],
-            np.array(one.velocity, dtype=float)[None],
-        )
-        parts.setdefault(_key(one), []).append(([k], [stamp_of(one)], *numbers))
+        rows = (np.array([numbers], dtype=float) for numbers in (one.position, one.velocity))
+        parts.setdefault(_key(one), []).append(([k], [stamp_of(one)], *rows))
     voices = []
     for (names, frame, _, n_velocities), several in parts.items():
-        index, stamps, position, velocity = (
-            np.concatenate([np.asarray(part) for part in column])
-            for column in zip(*several, strict=True)
-        )
-        order = np.argsort(index)
-        index = index[order].astype(int)
-        voices.append(
-            _Voice(
-                names,
-                n_velocities,
-                frame,
-                index,
-                stamps[order].astype(np.int64),
-                log_ns[index],
-                scale * position[order],
-                scale * velocity[order],
-            )
-        )
-    return sorted(voices, key=lambda voice: int(voice.index[0]))
+        merged = [np.concatenate(column) for column in zip(*several, strict=True)]
+        index, stamps, position, velocity = (one[np.argsort(merged[0])] for one in merged)
+        times = stamps.astype(np.int64), log_ns[index.astype(int)]
+        values = scale * position, scale * velocity
+        voices.append(_Voice(names, n_velocities, frame, int(index[0]), *times, *values))
+    return sorted(voices, key=lambda voice: voice.first)
 
 
 def _key(message: Any) -> tuple:
@@ -267,28 +225,38 @@ def _key(message: Any) -> tuple:
 
 
 def _namings(voices: list[_Voice], topic: str) -> list[tuple[str, ...]]:
-    """What the arm's joints are called, by falling right: those of config/wam.yaml; these with
-    something before or behind; the only seven.
+    """What the arm's joints are called, by falling right: as in config/wam.yaml; so with something
+    before or behind; the only seven; nothing where no names were recorded.
 
-    ValueError where several names would do as well.
+    ValueError where several names would do as well at the same time.
     """
     ours, told = joint_names(), {name for voice in voices for name in voice.names}
-    variants = [
-        tuple(f"{before}{name}{behind}" for name in ours)
-        for before, behind in _additions(told, ours[0])
-    ]
+    # what stands before and behind the name of the first joint wherever it is a part of another
+    around = sorted(name.split(ours[0], 1) for name in told if ours[0] in name)
+    variants = [tuple(f"{before}{name}{behind}" for name in ours) for before, behind in around]
     variants = [one for one in variants if set(one) <= told]
     if set(ours) <= told:
         return [ours, *(one for one in variants if one != ours)]
-    if variants:
-        return _unless_at_once(variants, voices, topic)
     sevens = {
         frozenset(voice.names): voice.names
         for voice in reversed(voices)
         if len(set(voice.names)) == N_JOINTS
     }
-    if sevens:
-        return _unless_at_once(list(sevens.values())[::-1], voices, topic)
+    found = variants or list(sevens.values())[::-1]
+    for both in combinations(found, 2):
+        times = (
+            [voice.log_ns for voice in voices if set(names) <= set(voice.names)] for names in both
+        )
+        earlier, later = (np.sort(np.concatenate(its)) for its in times)
+        if _speaks_among(later, earlier):
+            lines = " or ".join(
+                f"joints: {{topic: {topic}, names: [{', '.join(names)}]}}" for names in both
+            )
+            raise ValueError(
+                f"{topic}: {_seen(voices)}: which of them is the arm? Say it in a mapping, {lines}"
+            )
+    if found:
+        return found
     if any(not voice.names and voice.position.shape[1] == N_JOINTS for voice in voices):
         return [()]
     if set(ours) & told:
@@ -299,54 +267,13 @@ def _namings(voices: list[_Voice], topic: str) -> list[tuple[str, ...]]:
     )
 
 
-def _additions(told: set[str], first: str) -> list[tuple[str, str]]:
-    """What stands before and behind the name of the first joint wherever it is a part of another
-    name.
-    """
-    return sorted(
-        (name[: name.index(first)], name[name.index(first) + len(first) :])
-        for name in told
-        if first in name
-    )
-
-
-def _unless_at_once(
-    namings: list[tuple[str, ...]], voices: list[_Voice], topic: str
-) -> list[tuple[str, ...]]:
-    """Names, of which several must not have been used at the same time."""
-    times = [_log_of(voices, names) for names in namings]
-    for k, one in enumerate(times):
-        for j in range(k):
-            if _are_at_once(one, times[j]):
-                lines = " or ".join(
-                    f"joints: {{topic: {topic}, names: [{', '.join(namings[i])}]}}" for i in (j, k)
-                )
-                raise ValueError(
-                    f"{topic}: {_seen(voices)}: which of them is the arm? Say it in a mapping,"
-                    f" {lines}"
-                )
-    return namings
-
-
-def _log_of(voices: list[_Voice], names: tuple[str, ...]) -> np.ndarray:
-    times = [voice.log_ns for voice in voices if set(names) <= set(voice.names)]
-    return np.sort(np.concatenate(times)) if times else np.empty(0, np.int64)
-
-
-def _are_at_once(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether one publisher spoke while another did: log times (n,), (m,), ascending, of both
+def _speaks_among(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether a publisher spoke while another one did: log times (n,) and (m,) of both, ascending
     [ns].
     """
-    if not (len(one) and len(other)):
-        return False
     after = np.searchsorted(one, other)
-    inside = (after > 0) & (after < len(one))
-    between = (
-        one[np.clip(after, 1, len(one) - 1)] - one[np.clip(after, 1, len(one) - 1) - 1]
-        if len(one) > 1
-        else np.zeros(len(other))
-    )
-    return bool(np.any(inside & (between < SILENCE_NS)))
+    after = after[(after > 0) & (after < len(one))]
+    return bool((one[after] - one[after - 1] < SILENCE_NS).any())
 
 
 def _seen(voices: Sequence[_Voice]) -> str:
@@ -364,98 +291,111 @@ def _listed(names: Sequence[str], most: int = 12) -> str:
 # the rows
 
 
+def _no_rows(names: tuple[str, ...]) -> JointStream:
+    stamps, rows = np.empty(0, np.int64), np.empty((0, N_JOINTS))
+    return JointStream(stamps, rows, rows, names, stamps)
+
+
 def _rows(
     voices: list[_Voice], namings: list[tuple[str, ...]], where: SignalSource
-) -> tuple[States, list[tuple[str, ...]]]:
+) -> tuple[JointStream, list[tuple[str, ...]]]:
     """Rows of the joints that are called so, and what they are called; those of a later naming
-    only where the earlier ones are silent.
+    only where the earlier ones are silent. ValueError where there are none.
     """
-    parts: list[States] = []
-    taken = []
+    parts: list[JointStream] = []
     for names in namings:
         rows = _rows_of(voices, names, where)
-        before = (
-            np.sort(np.concatenate([part.log_ns for part in parts]))
-            if parts
-            else np.empty(0, np.int64)
-        )
-        if (
-            len(rows)
-            and not _are_at_once(before, rows.log_ns)
-            and not _are_at_once(rows.log_ns, before)
-        ):
-            if parts:
-                rows = replace(
-                    rows,
-                    faults=(
-                        *rows.faults,
-                        _note(rows, f"from here on they are called {_listed(names)}"),
-                    ),
-                )
-            parts.append(rows)
-            taken.append(names)
+        before = _merged(parts).log_ns if parts else np.empty(0, np.int64)
+        is_at_once = _speaks_among(before, rows.log_ns) or _speaks_among(rows.log_ns, before)
+        if not len(rows) or is_at_once:
+            continue
+        if parts:
+            note = _note(rows, f"from here on they are called {_listed(names)}")
+            rows = replace(rows, faults=(*rows.faults, note))
+        parts.append(rows)
     if not parts:
-        raise ValueError(_why_none(voices, namings, where))
-    return _merged(parts), taken
+        raise ValueError(_why_none(voices, namings[0] or joint_names(), where))
+    return _merged(parts), [part.names for part in parts]
 
 
-def _rows_of(voices: list[_Voice], names: tuple[str, ...], where: SignalSource) -> States:
-    """Rows of the arm's joints under some names; without a name those of messages that name
-    nothing.
+def _rows_of(voices: list[_Voice], names: tuple[str, ...], where: SignalSource) -> JointStream:
+    """Rows of the arm's joints under some names; without a name, or where no message has one of
+    them, those of messages that name nothing.
     """
-    whole = [
-        voice
-        for voice in voices
-        if (not names and not voice.names) or voice.layout(names).order is not None
+    unnamed = [
+        voice for voice in voices if not voice.names and voice.position.shape[1] == N_JOINTS
     ]
-    if not names or not whole:
-        unnamed = [
-            voice for voice in voices if not voice.names and voice.position.shape[1] == N_JOINTS
-        ]
-        whole = whole or (
-            unnamed if not any(set(names) & set(voice.names) for voice in voices) else []
-        )
-    return (
-        _unanimous(whole, [_row_states(voice, names) for voice in whole], where)
-        if whole
-        else _numbered(_joined(voices, names))
-    )
-
-
-def _row_states(voice: _Voice, names: tuple[str, ...]) -> States:
-    if not voice.names:
-        velocity = (
-            voice.velocity
-            if voice.velocity.shape == voice.position.shape
-            else np.full_like(voice.position, np.nan)
-        )
-        states = States(voice.stamp_ns, voice.log_ns, voice.position, velocity, names)
-        return replace(
-            states,
-            faults=(
-                _note(
-                    states,
+    whole = [voice for voice in voices if names and voice.layout(names).order is not None]
+    if not names or not (whole or any(set(names) & set(voice.names) for voice in voices)):
+        whole = unnamed
+    rows = []
+    for voice in whole:
+        faults: tuple[Fault, ...] = ()
+        position, velocity = voice.position, voice.velocity
+        if voice.names:
+            position, velocity = voice.layout(names).row(position, velocity)
+        else:
+            faults = (
+                Fault.of(
+                    NOTE,
+                    JOINTS,
+                    voice.stamp_ns,
                     "no names were recorded: they are taken to be in the arm's order",
+                    True,
                 ),
-            ),
-        )
-    position, velocity = voice.layout(names).row(voice.position, voice.velocity)
-    return States(voice.stamp_ns, voice.log_ns, position, velocity, names)
+            )
+            if velocity.shape != position.shape:
+                velocity = np.full_like(position, np.nan)
+        rows.append(JointStream(voice.stamp_ns, position, velocity, names, voice.log_ns, faults))
+    return _unanimous(whole, rows, where) if rows else _numbered(_joined(voices, names))
 
 
-def _merged(parts: Sequence[States]) -> States:
+def _joined(voices: list[_Voice], names: tuple[str, ...]) -> JointStream:
+    """Rows from messages each of which has a part of the joints: at the instants of those that
+    came most often, the other joints on straight lines between the messages around.
+    """
+    parts = [voice for voice in voices if voice.position.shape[1] == len(voice.names)]
+    saying = {name: [one for one in parts if one.names.count(name) == 1] for name in names}
+    if not names or not all(saying.values()):
+        return _no_rows(names)
+    base = max((voice for its in saying.values() for voice in its), key=len)
+    position, velocity = np.full((2, len(base), N_JOINTS), np.nan)
+    for k, name in enumerate(names):
+        voice = base if base in saying[name] else max(saying[name], key=len)
+        column = voice.names.index(name)
+        position[:, k] = _between(base.stamp_ns, voice.stamp_ns, voice.position[:, column])
+        if voice.n_velocities == len(voice.names):
+            velocity[:, k] = _between(base.stamp_ns, voice.stamp_ns, voice.velocity[:, column])
+    rows = JointStream(base.stamp_ns, position, velocity, names, base.log_ns)
+    others = ", ".join(name for name in names if name not in base.names)
+    text = (
+        f"{others} come in {_APART}: taken at the instants of the others, on straight lines"
+        " between two of them"
+    )
+    return replace(rows, faults=(_note(rows, text),))
+
+
+def _between(at: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values at instants (n,) on straight lines between samples (m,); nan where these are too far
+    apart.
+    """
+    order = np.argsort(stamps, kind="stable")
+    stamps, values = stamps[order], values[order]
+    found = np.interp(at - stamps[0], stamps - stamps[0], values, np.nan, np.nan)
+    after = np.minimum(np.searchsorted(stamps, at), len(stamps) - 1)
+    pause = stamps[after] - stamps[np.maximum(after - 1, 0)]
+    return np.where((stamps[after] == at) | (pause < AT_ONCE_NS), found, np.nan)
+
+
+def _merged(parts: Sequence[JointStream]) -> JointStream:
     """Rows of several, in the order of recording."""
-    stamps, log_ns, position, velocity = (
-        np.concatenate([getattr(part, name) for part in parts])
-        for name in ("stamp_ns", "log_ns", "position", "velocity")
-    )
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
     faults = tuple(fault for part in parts for fault in part.faults)
-    return States(stamps, log_ns, position, velocity, parts[0].names, faults).take(
-        np.argsort(log_ns, kind="stable")
-    )
+    merged = JointStream(**columns, names=parts[0].names, faults=faults)
+    return merged.take(np.argsort(merged.log_ns, kind="stable"))
 
 
-def _unanimous(voices: list[_Voice], rows: list[States], where: SignalSource) -> States:
+def _unanimous(voices: list[_Voice], rows: list[JointStream], where: SignalSource) -> JointStream:
     """All rows, without those of a publisher that says the same all the time while the others
     move.
 
@@ -464,7 +404,8 @@ def _unanimous(voices: list[_Voice], rows: list[States], where: SignalSource) ->
     merged, faults = _numbered(_merged(rows)), []
     kept = list(range(len(rows)))
     while len(back := _leaps_back(merged)) >= OFTEN:
-        still = [k for k in kept if _is_still(rows[k].position)]
+        # the same to the last bit
+        still = [k for k in kept if not np.nan_to_num(np.ptp(rows[k].position, axis=0)).any()]
         if still and len(still) < len(kept):
             faults += [_silenced(rows[k], str(voices[k])) for k in still]
             kept = [k for k in kept if k not in still]
@@ -480,27 +421,14 @@ def _unanimous(voices: list[_Voice], rows: list[States], where: SignalSource) ->
     return replace(merged, faults=(*merged.faults, *faults))
 
 
-def _is_still(position: np.ndarray) -> bool:
-    """Whether positions (n, 7) are the same to the last bit."""
-    return not np.nan_to_num(np.ptp(position, axis=0)).any()
-
-
-def _apart(position: np.ndarray) -> float:
-    """What makes two positions different, in their unit."""
-    return APART * max(
-        1.0,
-        float(np.nanmax(np.nanmax(position, axis=0) - np.nanmin(position, axis=0), initial=0.0)),
-    )
-
-
 def _turns(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Largest difference of joints (n,) between positions (n, 7); whole turns are none."""
     return np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max(axis=1)
 
 
 def _without_constant(
-    states: States, back: np.ndarray, where: SignalSource
-) -> tuple[States, Fault]:
+    states: JointStream, back: np.ndarray, where: SignalSource
+) -> tuple[JointStream, Fault]:
     """Without the rows of a second publisher that says the same all the time, in messages that
     look like those of the first.
 
@@ -519,114 +447,56 @@ def _without_constant(
     )
 
 
-def _leaps_back(states: States) -> np.ndarray:
+def _leaps_back(states: JointStream) -> np.ndarray:
     """Rows that are away from those before, whereas one of the next rows is near these again (k,)."""
     q, log = states.position, states.log_ns
     if len(q) < 3:
         return np.empty(0, int)
-    leap, apart = _turns(q[1:-1], q[:-2]), _apart(q)
+    leap = _turns(q[1:-1], q[:-2])
+    apart = APART * max(1.0, float(np.ptp(q, axis=0).max()))
     if np.sum(leap > apart) < OFTEN:
         return np.empty(0, int)
     back = np.full(len(leap), np.inf)
     for ahead in range(2, min(6, len(q))):
         later = np.minimum(np.arange(len(leap)) + ahead, len(q) - 1)
-        back = np.minimum(
-            back, np.where(log[later] - log[:-2] < AT_ONCE_NS, _turns(q[later], q[:-2]), np.inf)
-        )
+        soon = log[later] - log[:-2] < AT_ONCE_NS
+        back = np.minimum(back, np.where(soon, _turns(q[later], q[:-2]), np.inf))
     return np.flatnonzero((leap > apart) & (back < 0.25 * leap)) + 1
 
 
-def _silenced(rows: States, voice: str) -> Fault:
+def _silenced(rows: JointStream, voice: str) -> Fault:
     value = np.round(rows.position[0], 3).tolist()
     said = "zeros" if not rows.position[0].any() else f"always {value}"
-    text = f"{voice} say {said} while the others move: another publisher's, left out"
-    return Fault.of("other_publisher", JOINTS, rows.stamp_ns, text, True)
+    return Fault.of(
+        "other_publisher",
+        JOINTS,
+        rows.stamp_ns,
+        f"{voice} say {said} while the others move: another publisher's, left out",
+        True,
+    )
 
 
 def _contradiction(
-    one: _Voice, other: _Voice, rows: States, others: States, where: SignalSource
+    one: _Voice, other: _Voice, rows: JointStream, others: JointStream, where: SignalSource
 ) -> str:
-    near = int(np.argmin(np.abs(rows.log_ns - others.log_ns[len(others) // 2])))
-    said = [
-        np.round(part.position[k], 3).tolist()
-        for part, k in ((rows, near), (others, len(others) // 2))
-    ]
+    middle = len(others) // 2
+    near = int(np.argmin(np.abs(rows.log_ns - others.log_ns[middle])))
+    said = (part[k] for part, k in ((rows.position, near), (others.position, middle)))
     text = (
         f"{where.topic}: two publishers contradict each other of the arm's joints: {one}, and"
-        f" {other}; {said[0]} against {said[1]}"
+        f" {other}; {' against '.join(str(np.round(q, 3).tolist()) for q in said)}"
     )
-    if one.names != other.names:
-        lines = " or ".join(
-            f"joints: {{topic: {where.topic}, listed: [{', '.join(voice.names)}]}}"
-            for voice in (one, other)
-        )
-    elif one.frame != other.frame:
-        lines = " or ".join(
-            f"joints: {{topic: {where.topic}, frame: {voice.frame or '(none)'}}}"
-            for voice in (one, other)
-        )
-    else:
+    keys = [f"listed: [{', '.join(voice.names)}]" for voice in (one, other)]
+    if one.names == other.names:
+        keys = [f"frame: {voice.frame or '(none)'}" for voice in (one, other)]
+    if keys[0] == keys[1]:
         return f"{text}: record them on topics of their own"
+    lines = " or ".join(f"joints: {{topic: {where.topic}, {key}}}" for key in keys)
     return f"{text}: say which is meant in a mapping, {lines}"
 
 
-def _joined(voices: list[_Voice], names: tuple[str, ...]) -> States:
-    """Rows from messages each of which has a part of the joints: at the instants of those that
-    came most often, the other joints on straight lines between the messages around.
-    """
-    parts = []
-    for voice in voices:
-        joints = (
-            [k for k, name in enumerate(names) if voice.names.count(name) == 1]
-            if voice.position.shape[1] == len(voice.names)
-            else []
-        )
-        if joints:
-            parts.append((joints, voice, [voice.names.index(names[k]) for k in joints]))
-    covered = {k for joints, _, _ in parts for k in joints}
-    if len(covered) < N_JOINTS:
-        return States.none(names)
-    base = max(parts, key=lambda part: len(part[1]))[1]
-    position, velocity = np.full((2, len(base), N_JOINTS), np.nan)
-    for k in range(N_JOINTS):
-        saying = max(
-            (part for part in parts if k in part[0]),
-            key=lambda part: (part[1] is base, len(part[1])),
-        )
-        voice, place = saying[1], saying[2][saying[0].index(k)]
-        position[:, k] = _between(base.stamp_ns, voice.stamp_ns, voice.position[:, place])
-        if voice.n_velocities == len(voice.names):
-            velocity[:, k] = _between(base.stamp_ns, voice.stamp_ns, voice.velocity[:, place])
-    states = States(base.stamp_ns, base.log_ns, position, velocity, names)
-    others = [names[k] for k in range(N_JOINTS) if names[k] not in base.names]
-    text = (
-        f"{', '.join(others)} come in messages of their own: taken at the instants of the others,"
-        " on straight lines between two of them"
-    )
-    return replace(states, faults=(_note(states, text),))
-
-
-def _between(at: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values at instants (n,) on straight lines between samples (m,); nan where these are too far
-    apart.
-    """
-    order = np.argsort(stamps, kind="stable")
-    stamps, values = stamps[order], values[order]
-    origin = int(stamps[0])
-    found = np.interp((at - origin).astype(float), (stamps - origin).astype(float), values)
-    after = np.clip(np.searchsorted(stamps, at), 0, len(stamps) - 1)
-    before = np.maximum(after - 1, 0)
-    near = (stamps[after] == at) | (
-        (at > stamps[before])
-        & (at < stamps[after])
-        & (stamps[after] - stamps[before] < AT_ONCE_NS)
-    )
-    return np.where(near, found, np.nan)
-
-
-def _why_none(voices: list[_Voice], namings: list[tuple[str, ...]], where: SignalSource) -> str:
+def _why_none(voices: list[_Voice], names: tuple[str, ...], where: SignalSource) -> str:
     """Why no message has the arm's joints."""
-    names = namings[0] or joint_names()
     told = {name for voice in voices for name in voice.names}
     if missing := [name for name in names if name not in told]:
         return (
@@ -639,7 +509,7 @@ def _why_none(voices: list[_Voice], namings: list[tuple[str, ...]], where: Signa
     )
 
 
-def _numbered(states: States) -> States:
+def _numbered(states: JointStream) -> JointStream:
     """Without rows that lack a position."""
     known = np.isfinite(states.position).all(axis=1)
     if known.all():
@@ -653,11 +523,16 @@ def _numbered(states: States) -> States:
             " driver"
         )
     gone = states.stamp_ns[~known]
-    text = (
-        f"{len(gone)} states lack the position of a joint (not a number, or nobody said it):"
-        " left out"
+    fault = Fault.of(
+        "not_finite",
+        JOINTS,
+        gone,
+        (
+            f"{len(gone)} states lack the position of a joint (not a number, or nobody said it):"
+            " left out"
+        ),
+        True,
     )
-    fault = Fault.of("not_finite", JOINTS, gone, text, True)
     return replace(states.take(known), faults=(*states.faults, fault))
 
 
@@ -665,43 +540,37 @@ def _numbered(states: States) -> States:
 
 
 def _of_others(
-    voices: list[_Voice], namings: list[tuple[str, ...]], states: States
+    voices: list[_Voice], namings: list[tuple[str, ...]], states: JointStream
 ) -> list[Fault]:
     """A note for all joints that are not the arm's, and one for all messages that are no use.
+
     namings: that were taken.
     """
-    used = {name for names in namings for name in names}
-    notes = []
+    if not (names := namings[0]):
+        return []
+    notes, used = [], set().union(*namings)
     foreign: Counter[str] = Counter()
     useless: Counter[str] = Counter()
     for voice in voices:
-        layouts = [voice.layout(names) for names in namings if names]
-        layout = (
-            None if not layouts or any(one.order is not None for one in layouts) else layouts[0]
-        )
-        for name in dict.fromkeys(voice.names):
-            if name not in used:
-                foreign[name] += len(voice)
-        if layout is not None and not layout.is_of_others and voice.names:
-            useless[layout.why.partition(": ")[0]] += len(voice)
-        if not voice.names and namings[0] and len(voices) > 1:
+        foreign.update({name: len(voice) for name in voice.names if name not in used})
+        layouts = [voice.layout(one) for one in namings if one]
+        is_taken = any(one.order is not None for one in layouts)
+        if voice.names and not is_taken and not layouts[0].is_of_others:
+            useless[layouts[0].why.partition(": ")[0]] += len(voice)
+        if not voice.names and len(voices) > 1:
             useless["has no names"] += len(voice)
-    if foreign and namings[0]:
+    if foreign:
         text = f"besides the arm's there are {_listed(list(foreign))}: not looked at"
         notes.append(_note(states, text, max(foreign.values())))
-    if not any("messages of their own" in fault.message for fault in states.faults):
+    if not any(_APART in fault.message for fault in states.faults):
         notes += [_note(states, f"{n} messages left out: {why}", n) for why, n in useless.items()]
-    if namings[0] and namings[0] != joint_names():
-        notes.append(
-            _note(
-                states,
-                f"the joints of the arm are taken to be {_listed(namings[0])}, in this order",
-            )
-        )
+    if names != joint_names():
+        text = f"the joints of the arm are taken to be {_listed(names)}, in this order"
+        notes.append(_note(states, text))
     return notes
 
 
-def _note(states: States, text: str, count: int | None = None) -> Fault:
+def _note(states: JointStream, text: str, count: int | None = None) -> Fault:
     return Fault.of(NOTE, JOINTS, states.stamp_ns, text, True, count=count)
 
 
@@ -717,22 +586,15 @@ def _with_speeds(
     if not velocity.size:
         return velocity, []
     moves = np.nanmax(position, axis=0) - np.nanmin(position, axis=0) > MOVES
-    zero = (
-        moves
-        & (np.nan_to_num(velocity, nan=0.0) == 0.0).all(axis=0)
-        & np.isfinite(velocity).any(axis=0)
-    )
-    missing = ~np.isfinite(velocity) | zero
+    known = np.isfinite(velocity)
+    zero = moves & (np.nan_to_num(velocity) == 0.0).all(axis=0) & known.any(axis=0)
+    missing = ~known | zero
     if not missing.any() or len(stamps) < 2:
         return velocity, []
-    text = (
-        "velocities were not recorded"
-        if np.isnan(velocity).all()
-        else f"{int(missing.any(axis=1).sum())} states lack velocities"
-    )
+    count = int(missing.any(axis=1).sum())
+    text = f"{count} states lack velocities" if known.any() else "velocities were not recorded"
     if zero.any():
         text = f"velocities are zero for {int(zero.sum())} joints that move: taken as missing"
-    count = int(missing.any(axis=1).sum())
     text += "; from the positions instead"
     fault = Fault.of(NOTE, JOINTS, stamps, text, True, count=count)
     return np.where(missing, _speeds(stamps, position), velocity), [fault]
@@ -743,11 +605,7 @@ def _speeds(stamps: np.ndarray, position: np.ndarray) -> np.ndarray:
     speeds = np.zeros_like(position)
     order = np.argsort(stamps, kind="stable")
     order = order[np.diff(stamps[order], prepend=stamps[order[0]] - 1) > 0]
-    ends = np.concatenate(
-        [[0], np.flatnonzero(np.diff(stamps[order]) > STRETCH_NS) + 1, [len(order)]]
-    )
-    for first, last in zip(ends[:-1], ends[1:], strict=True):
-        rows = order[first:last]
+    for rows in np.split(order, np.flatnonzero(np.diff(stamps[order]) > STRETCH_NS) + 1):
         if len(rows) > 1:
             time = 1e-9 * (stamps[rows] - stamps[rows[0]])
             speeds[rows] = np.gradient(np.unwrap(position[rows], axis=0), time, axis=0)

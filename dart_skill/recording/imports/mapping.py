@@ -32,7 +32,7 @@ TIME_UNITS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
 TIME_SOURCES = ("stamp", "log")
 """What tells the time of a message: its own stamp, or when it was recorded."""
 REGULAR = "regular"
-"""The word for samples that are evenly spaced, whatever their stamps say."""
+"""Word for samples that are evenly spaced, whatever their stamps say."""
 LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
 """Metres of each unit of length."""
 ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180.0}
@@ -216,8 +216,8 @@ class PoseSource:
     clock
         How stamps are read.
     told
-        Which of up, xyz and length the mapping itself says: a file of motion capture may say them,
-        too, or nobody does.
+        Which of up, xyz and length the mapping itself says; a file of motion capture may say them,
+        too.
     """
 
     topic: str = ""
@@ -407,8 +407,12 @@ def with_remedies(mapping: RecordingMapping, faults: Iterable[Fault]) -> Recordi
     for fault in faults:
         group = bodies if fault.body in bodies else signals
         if fault.remedy and (where := group.get(fault.body)):
-            remedy = _Section(yaml.safe_load(f"{{{fault.remedy}}}"), fault.body)
-            group[fault.body] = replace(where, clock=_clock(remedy, where.clock))
+            group[fault.body] = replace(
+                where,
+                clock=_clock(
+                    _Section(yaml.safe_load(f"{{{fault.remedy}}}"), fault.body), where.clock
+                ),
+            )
     return replace(mapping, bodies=bodies, **signals)
 
 
@@ -459,10 +463,13 @@ class _Section:
         return float(self.take(key, default, _is_number, "a number"))
 
     def vector(self, key: str, size: int, default: tuple[float, ...]) -> tuple[float, ...]:
-        def check(value: Any) -> bool:
-            return isinstance(value, list) and len(value) == size and all(map(_is_number, value))
-
-        return tuple(float(x) for x in self.take(key, default, check, f"a list of {size} numbers"))
+        value = self.take(
+            key,
+            default,
+            lambda value: _are_numbers(value) and len(value) == size,
+            f"a list of {size} numbers",
+        )
+        return tuple(float(x) for x in value)
 
     def nothing_else(self) -> None:
         """MappingError if there are keys that were not taken."""
@@ -479,6 +486,10 @@ def _is_number(value: Any) -> bool:
         and not isinstance(value, bool)
         and bool(np.isfinite(value))
     )
+
+
+def _are_numbers(value: Any) -> bool:
+    return isinstance(value, list) and all(map(_is_number, value))
 
 
 def mended_pose(where: PoseSource, keys: Mapping[str, Any]) -> PoseSource:
@@ -580,46 +591,37 @@ def clocks_of(mapping: RecordingMapping) -> dict[str, dict[str, Any]]:
 
 
 def _pose_keys(where: PoseSource) -> dict[str, Any]:
-    default = PoseSource()
     if where.fixed:
         return {"position": list(where.fixed)}
+    default = PoseSource()
+    named = ("topic", "child", "frame", "length", "order")
     keys: dict[str, Any] = {
-        name: getattr(where, name) for name in ("topic", "child", "frame") if getattr(where, name)
-    }
-    keys |= _table_keys(where.table) | _capture_keys(where.capture)
-    keys |= {
         name: getattr(where, name)
-        for name in ("length", "order")
+        for name in named
         if getattr(where, name) != getattr(default, name) or name in where.told
     }
+    keys |= _table_keys(where.table) | _capture_keys(where.capture)
     if where.axes != default.axes or where.told & {"up", "xyz"}:
         keys["xyz"] = list(where.axes)
     if where.orientation_axes is not None:
         keys["orientation_xyz"] = list(where.orientation_axes)
     if where.is_inverse:
         keys["inverse"] = True
-    moved = {"transform": where.world, "offset": where.offset}
-    keys |= {
-        name: _rigid_keys(one)
-        for name, one in moved.items()
-        if one.position.any() or one.quaternion[:3].any()
-    }
+    for name, one in (("transform", where.world), ("offset", where.offset)):
+        if one.position.any() or one.quaternion[:3].any():
+            quaternion = one.quaternion.tolist()
+            keys[name] = {"position": one.position.tolist(), "quaternion": quaternion}
     return keys | _clock_keys(where.clock)
 
 
 def _signal_keys(where: SignalSource) -> dict[str, Any]:
-    keys: dict[str, Any] = ({"topic": where.topic} if where.topic else {}) | _table_keys(
-        where.table
-    )
-    keys |= {
-        name: list(getattr(where, name))
-        for name in ("names", "signs", "zeros", "listed")
-        if getattr(where, name)
+    keys = {
+        name: getattr(where, name)
+        for name in ("topic", "names", "signs", "zeros", "listed", "frame", "angle")
+        if getattr(where, name) not in ("", (), "rad")
     }
-    keys |= {"frame": where.frame} if where.frame else {}
-    return (
-        keys | ({"angle": where.angle} if where.angle != "rad" else {}) | _clock_keys(where.clock)
-    )
+    lists = {name: list(value) for name, value in keys.items() if isinstance(value, tuple)}
+    return keys | lists | _table_keys(where.table) | _clock_keys(where.clock)
 
 
 def _table_keys(table: Table | None) -> dict[str, Any]:
@@ -637,42 +639,40 @@ def _table_keys(table: Table | None) -> dict[str, Any]:
 def _capture_keys(capture: CaptureFile | None) -> dict[str, Any]:
     if capture is None:
         return {}
-    which: dict[str, Any] = (
-        {"markers": list(capture.markers)} if capture.markers else {"body": capture.body}
-    )
-    more = {"rotation": list(capture.rotation), "rate": capture.rate, "space": capture.space}
-    return {
+    keys: dict[str, Any] = {
         "capture": capture.file,
-        **which,
-        **{name: value for name, value in more.items() if value},
+        "markers": list(capture.markers),
+        "body": "" if capture.markers else capture.body,
+        "rotation": list(capture.rotation),
+        "rate": capture.rate,
+        "space": capture.space,
     }
-
-
-def _rigid_keys(one: RigidTransform) -> dict[str, Any]:
-    return {"position": one.position.tolist(), "quaternion": one.quaternion.tolist()}
+    return {name: value for name, value in keys.items() if value}
 
 
 def _clock_keys(clock: Clock) -> dict[str, Any]:
-    default = Clock()
-    words = [
-        word
-        for word, usual in ((clock.source, default.source), (clock.unit, default.unit))
-        if word != usual
-    ]
-    words += [REGULAR] if clock.is_regular else []
-    keys: dict[str, Any] = {"time": words} if words else {}
-    keys |= {"time_shift": 1e-9 * clock.shift_ns} if clock.shift_ns else {}
-    keys |= {"time_steps": [list(one) for one in clock.steps]} if clock.steps else {}
-    return keys | ({"time_drift": clock.drift} if clock.drift else {})
+    words = [clock.source, clock.unit, REGULAR if clock.is_regular else "stamp"]
+    words = [word for word in words if word not in ("stamp", "s")]
+    keys: dict[str, Any] = {
+        "time": words,
+        "time_shift": 1e-9 * clock.shift_ns,
+        "time_steps": [list(one) for one in clock.steps],
+        "time_drift": clock.drift,
+    }
+    return {name: value for name, value in keys.items() if value}
 
 
 def _axes(section: _Section, default: PoseSource | None = None) -> PoseSource:
     default = default or PoseSource()
     keys = {key for key in ("up", "xyz", "length") if section.has(key)}
+    if keys >= {"up", "xyz"}:
+        raise MappingError(f"{section.place}: give up or xyz, not both")
+    up = section.choice("up", "", UP_AXES)
+    axes = UP_AXES[up] if up else _signed_axes(section, "xyz", default.axes) or default.axes
     return replace(
         default,
         told=default.told | keys,
-        axes=_pointing(section, default.axes),
+        axes=axes,
         orientation_axes=_signed_axes(section, "orientation_xyz", default.orientation_axes),
         length=section.choice("length", default.length, LENGTH_UNITS),
         order=section.choice("order", default.order, QUATERNION_ORDERS),
@@ -684,27 +684,15 @@ def _axes(section: _Section, default: PoseSource | None = None) -> PoseSource:
     )
 
 
-def _pointing(section: _Section, default: Axes) -> Axes:
-    """Where our axes point in the recorded ones, from `up` or `xyz`."""
-    if section.has("up") and section.has("xyz"):
-        raise MappingError(f"{section.place}: give up or xyz, not both")
-    up = section.choice("up", "", UP_AXES)
-    return UP_AXES[up] if up else _signed_axes(section, "xyz", default) or default
-
-
 def _signed_axes(section: _Section, key: str, default: Axes | None) -> Axes | None:
     """Three signed axes below a key."""
-
-    def check(value: Any) -> bool:
-        return isinstance(value, list) and axes_matrix(tuple(map(str, value))) is not None
-
     found = section.take(
-        key, None, check, "where our x, y, z point in the recorded axes, as [x, -z, y]"
+        key,
+        default,
+        lambda value: isinstance(value, list) and axes_matrix(tuple(map(str, value))) is not None,
+        "where our x, y, z point in the recorded axes, as [x, -z, y]",
     )
-    if found is None:
-        return default
-    x, y, z = map(str, found)
-    return x, y, z
+    return None if found is None else (str(found[0]), str(found[1]), str(found[2]))
 
 
 def _clock(section: _Section, default: Clock | None = None) -> Clock:
@@ -717,30 +705,22 @@ def _clock(section: _Section, default: Clock | None = None) -> Clock:
 
     value = section.take("time", [], check, f"one or several of {', '.join(known)}")
     words = value if isinstance(value, list) else [value]
+    steps = section.take(
+        "time_steps",
+        default.steps,
+        lambda value: (
+            isinstance(value, list) and all(_are_numbers(one) and len(one) == 2 for one in value)
+        ),
+        "for each time that the clock was set its last stamp before and what is added from then"
+        " on, as [[12.4, 0.3]]",
+    )
     return Clock(
         source=next((one for one in words if one in TIME_SOURCES), default.source),
         unit=next((one for one in words if one in TIME_UNITS), default.unit),
         is_regular=default.is_regular or REGULAR in words,
         shift_ns=round(1e9 * section.number("time_shift", 1e-9 * default.shift_ns)),
         drift=section.number("time_drift", default.drift),
-        steps=_steps(section, default.steps),
-    )
-
-
-def _steps(
-    section: _Section, default: tuple[tuple[float, float], ...]
-) -> tuple[tuple[float, float], ...]:
-    def check(value: Any) -> bool:
-        return isinstance(value, list) and all(
-            isinstance(one, list) and len(one) == 2 and all(map(_is_number, one)) for one in value
-        )
-
-    what = (
-        "for each time that the clock was set its last stamp before and what is added from then"
-        " on, as [[12.4, 0.3]]"
-    )
-    return tuple(
-        (float(at), float(by)) for at, by in section.take("time_steps", default, check, what)
+        steps=tuple((float(at), float(by)) for at, by in steps),
     )
 
 
@@ -749,23 +729,21 @@ def _rigid(section: _Section, key: str, default: RigidTransform) -> RigidTransfo
     if part is None:
         return default
     position = part.vector("position", 3, (0.0, 0.0, 0.0))
-    quaternion, degrees = (
-        part.vector("quaternion", 4, ()),
-        part.vector("roll_pitch_yaw_deg", 3, ()),
-    )
+    quaternion = part.vector("quaternion", 4, ())
+    degrees = part.vector("roll_pitch_yaw_deg", 3, ())
     part.nothing_else()
     if quaternion and degrees:
         raise MappingError(f"{part.place}: give quaternion or roll_pitch_yaw_deg, not both")
     try:
-        return RigidTransform(
-            np.array(position), _turned(degrees) if degrees else np.array(quaternion or UNTURNED)
-        )
+        return RigidTransform(np.array(position), _turn(quaternion or UNTURNED, degrees))
     except ValueError as error:
         raise MappingError(f"{part.place}: {error}") from error
 
 
-def _turned(degrees: Sequence[float]) -> np.ndarray:
-    """Quaternion (4,) of roll, pitch and yaw about fixed axes."""
+def _turn(quaternion: Sequence[float], degrees: Sequence[float]) -> np.ndarray:
+    """A quaternion (4,); that of roll, pitch and yaw about fixed axes if they are given."""
+    if not degrees:
+        return np.array(quaternion)
     # our own bags need none, and it takes longer to import than all that reads them
     from scipy.spatial.transform import Rotation
 
@@ -779,11 +757,7 @@ def _pose_source(section: _Section, axes: PoseSource) -> PoseSource:
     if kind == "position":
         where["fixed"] = section.vector("position", 3, ())
     elif kind == "topic":
-        where = {
-            "topic": section.text("topic"),
-            "child": section.text("child"),
-            "frame": section.text("frame"),
-        }
+        where = {name: section.text(name) for name in ("topic", "child", "frame")}
     elif kind in CAPTURE_KINDS:
         where["capture"] = _capture(section, kind)
     else:
@@ -820,14 +794,6 @@ def _capture(section: _Section, kind: str) -> CaptureFile:
         raise MappingError(f"{section.place}: give body or markers, not both")
     words = (*ROTATIONS, *ANGLE_UNITS)
 
-    def are_texts(value: Any) -> bool:
-        return (
-            isinstance(value, list)
-            and bool(value)
-            and all(isinstance(one, str) for one in value)
-            and len(set(value)) == len(value)
-        )
-
     def are_words(value: Any) -> bool:
         given = value if isinstance(value, list) else [value]
         return all(isinstance(one, str) and one in words for one in given) and len(given) <= 2
@@ -835,13 +801,19 @@ def _capture(section: _Section, kind: str) -> CaptureFile:
     said = section.take(
         "rotation", [], are_words, f"one or two of {', '.join(words)}, as [XYZ, deg]"
     )
+    markers = section.take(
+        "markers",
+        (),
+        lambda value: _are_names(value) and len(set(value)) == len(value) > 0,
+        "a list of different names of markers",
+    )
     rate = section.take(
         "rate", 0.0, lambda value: _is_number(value) and value > 0, "the frames per second"
     )
     return CaptureFile(
         file,
         section.text("body", role),
-        tuple(section.take("markers", (), are_texts, "a list of different names of markers")),
+        tuple(markers),
         tuple(said) if isinstance(said, list) else (said,),
         float(rate),
         section.choice("space", "", {"global": 1.0}),
@@ -867,12 +839,24 @@ def _joint_keys(section: _Section, default: SignalSource) -> SignalSource:
     return replace(
         default,
         names=tuple(
-            section.take("names", default.names, _are_joints, f"the names of {N_JOINTS} joints")
+            section.take(
+                "names",
+                default.names,
+                lambda value: _are_names(value) and len(set(value)) == len(value) == N_JOINTS,
+                f"the names of {N_JOINTS} joints",
+            )
         ),
         angle=section.choice("angle", default.angle, ANGLE_UNITS),
         signs=tuple(
             section.take(
-                "signs", default.signs, _are_signs, f"1 or -1 for each of {N_JOINTS} joints"
+                "signs",
+                default.signs,
+                lambda value: (
+                    _are_numbers(value)
+                    and len(value) == N_JOINTS
+                    and all(abs(one) == 1 for one in value)
+                ),
+                f"1 or -1 for each of {N_JOINTS} joints",
             )
         ),
         zeros=section.vector("zeros", N_JOINTS, default.zeros),
@@ -881,20 +865,8 @@ def _joint_keys(section: _Section, default: SignalSource) -> SignalSource:
     )
 
 
-def _are_signs(value: Any) -> bool:
-    return (
-        isinstance(value, list)
-        and len(value) == N_JOINTS
-        and all(_is_number(one) and abs(one) == 1 for one in value)
-    )
-
-
 def _are_names(value: Any) -> bool:
     return isinstance(value, list) and all(isinstance(one, str) for one in value)
-
-
-def _are_joints(value: Any) -> bool:
-    return _are_names(value) and len(set(value)) == len(value) == N_JOINTS
 
 
 def _table(section: _Section, kind: str, wanted: Mapping[str, tuple[int, ...]]) -> Table:

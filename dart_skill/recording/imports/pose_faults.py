@@ -10,15 +10,16 @@ or left out.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from itertools import combinations
+from dataclasses import replace
+from itertools import combinations, pairwise
 
 import numpy as np
 
-from dart_skill.common.constants import GRAVITY
+from dart_skill.common.constants import UNTURNED
+from dart_skill.recording.imports._exchanged_bodies import unswapped
 from dart_skill.recording.imports.clocks import PAUSE, bunched, rate_of
 from dart_skill.recording.imports.faults import BACKWARDS, GAP, Fault, spans
-from dart_skill.recording.imports.pose_stream import PoseStream, find_leaps
+from dart_skill.recording.imports.pose_stream import CLEARLY, PoseStream, find_leaps
 
 LATEST = 0.5
 """Longest delay of a message that is sorted in [s]."""
@@ -33,27 +34,17 @@ EARLY = 0.05
 before [periods].
 """
 TELLING_FRAMES = 0.15
-"""Deviation of stamps up to which a late frame is not taken for a missing one [periods]."""
+"""Largest deviation of stamps with which a late frame is told from a missing one [periods]."""
 LEAST_COHERENCE = 0.35
 """Least coherence of stamps with a grid, 1 for no jitter, that makes a frame rate."""
 CHUNK = 10.0
 """Time over which a camera's clock and the computer's run alike to a small part of a period [s]."""
 FARTHEST_JUMP = 0.01
-"""Deviation up to which a lone sample is no outlier [m]."""
+"""Largest deviation of a lone sample that is no outlier [m]."""
 LARGEST_TURN = 0.1
-"""The same of an orientation [rad]."""
+"""Largest deviation of the orientation of a lone sample that is no outlier [rad]."""
 JUMP = 6.0
-"""The same in usual steps."""
-CLOSE = 0.02
-"""Distance of bodies up to which they cannot be told apart [m]."""
-FASTEST = 8.0
-"""Largest speed on a path that is not broken [m/s]."""
-NEAR_GRAVITY = 2.5
-"""Largest acceleration that drag may add to that of a body in free flight [m/s^2]."""
-FLYING_FRAMES = 9
-"""Frames over which a free flight is recognised."""
-SURE_FRAMES = 5
-"""Frames of free flight by which one body must surpass the other to be told from it."""
+"""Largest deviation of a lone sample that is no outlier [usual steps]."""
 
 
 def repair(streams: Mapping[str, PoseStream]) -> tuple[dict[str, PoseStream], list[Fault]]:
@@ -69,7 +60,7 @@ def repair(streams: Mapping[str, PoseStream]) -> tuple[dict[str, PoseStream], li
             bodies[body], found = step(bodies[body])
             faults += found
     for one, other in combinations(bodies, 2):
-        bodies[one], bodies[other], found = _unswapped(bodies[one], bodies[other])
+        bodies[one], bodies[other], found = unswapped(bodies[one], bodies[other])
         faults += found
     for body in bodies:
         for step in (_without_leaps, _without_outliers):
@@ -86,35 +77,37 @@ def _without_invalid(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
     finite = np.isfinite(stream.position).all(axis=1) & np.isfinite(stream.quaternion).all(axis=1)
     norm = np.linalg.norm(np.where(finite[:, None], stream.quaternion, 0.0), axis=1)
     zero = finite & (norm < 1e-6)
-    faults = _of_spans(
-        "not_finite", stream, ~finite, "{count} poses that are not finite are left out", True
-    )
-    if zero.any() and zero.sum() == finite.sum() and np.ptp(stream.position[finite], axis=0).any():
-        text = "no orientation was recorded, only positions: it is taken to be that of the axes"
-        faults.append(_fault("zero_pose", stream, 0, len(stream) - 1, text, True, int(zero.sum())))
-        stream = replace(
-            stream, quaternion=np.where(zero[:, None], [0.0, 0.0, 0.0, 1.0], stream.quaternion)
-        )
-        return stream.take(finite), faults
-    faults += _of_spans(
-        "zero_pose",
-        stream,
-        zero,
-        "{count} poses without an orientation (zeros for a lost body) are left out",
-        True,
-    )
+    moves = np.ptp(stream.position[finite], axis=0).any() if finite.any() else False
+    never_turned = zero.any() and zero.sum() == finite.sum() and moves
     wrong = finite & ~zero & (np.abs(norm - 1.0) > 0.1)
-    faults += _of_spans(
-        "not_unit", stream, wrong, "{count} quaternions are far from norm 1 and are left out", True
-    )
     rough = finite & ~zero & ~wrong & (np.abs(norm - 1.0) > 1e-3)
-    faults += _of_spans(
-        "not_unit", stream, rough, "{count} quaternions are off norm 1 and are normalised", True
-    )
-    if rough.any():
+    lost = np.zeros(len(stream), dtype=bool) if never_turned else zero
+    faults = []
+    for kind, mask, text in (
+        ("not_finite", ~finite, "poses that are not finite are left out"),
+        ("zero_pose", lost, "poses without an orientation (zeros for a lost body) are left out"),
+        ("not_unit", wrong, "quaternions are far from norm 1 and are left out"),
+        ("not_unit", rough, "quaternions are off norm 1 and are normalised"),
+    ):
+        faults += _of_spans(kind, stream, mask, "{count} " + text, True)
+    if never_turned:
+        faults.append(
+            _fault(
+                "zero_pose",
+                stream,
+                0,
+                len(stream) - 1,
+                "no orientation was recorded, only positions: it is taken to be that of the axes",
+                True,
+                int(zero.sum()),
+            )
+        )
+        quaternion = np.where(zero[:, None], UNTURNED, stream.quaternion)
+        stream = replace(stream, quaternion=quaternion)
+    elif rough.any():
         scale = np.where(rough, norm, 1.0)[:, None]
         stream = replace(stream, quaternion=stream.quaternion / scale)
-    kept = finite & ~zero & ~wrong
+    kept = finite & ~lost & ~wrong
     return (stream if kept.all() else stream.take(kept)), faults
 
 
@@ -128,13 +121,17 @@ def _in_order(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
     faults: list[Fault] = []
     if np.any(np.diff(stream.stamp_ns) < 0):
         stream, faults = _sorted(stream)
-    copies = np.concatenate([[False], (np.diff(stream.stamp_ns) == 0) & _same_as_before(stream)])[
-        : len(stream)
-    ]
+    copies = _doubled(stream)
+    copies[1:] &= _same_as_before(stream)
     stream, found = _left_out(
         "repeated_stamp", stream, copies, "{count} copies of a message are left out"
     )
     return stream, faults + found
+
+
+def _doubled(stream: PoseStream) -> np.ndarray:
+    """Whether each sample (n,) has the stamp of the one before it."""
+    return np.concatenate([[False], np.diff(stream.stamp_ns) == 0])[: len(stream)]
 
 
 def _sorted(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
@@ -167,15 +164,12 @@ def _sorted(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
             if safe
             else "left out: their poses do not fit there, so it is the clock that went back"
         )
-        text = f"{len(moved)} stamps run backwards, by at most {1e3 * by:.1f} ms; {what}"
         faults.append(
-            Fault(
+            Fault.of(
                 BACKWARDS,
                 stream.body,
-                int(stamps[moved].min()),
-                int(stamps[moved].max()),
-                len(moved),
-                text,
+                stamps[moved],
+                f"{len(moved)} stamps run backwards, by at most {1e3 * by:.1f} ms; {what}",
                 safe,
             )
         )
@@ -204,9 +198,12 @@ def _without_stale(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
     if not same.any():
         return stream, []
     stale = np.zeros(len(stream), dtype=bool)
-    natural = _is_rounded(stream, same) or _is_smooth(stream, same)
-    steps = _steps(stream.position)
-    changes = np.abs(np.diff(stream.position, axis=0))
+    ways = np.diff(stream.position, axis=0)
+    returns = np.sum(~same) + 1 - len(np.unique(stream.position, axis=0))
+    is_rounded = 2 * returns >= len(spans(same))
+    to_and_fro = np.einsum("ij,ij->i", ways[~same][1:], ways[~same][:-1]) < 0.0
+    is_smooth = len(ways[~same]) < LEAST_RUN or float(np.mean(to_and_fro)) < 0.05
+    steps, changes = _steps(stream.position), np.abs(ways)
     grain = float(changes[changes > 0.0].min(initial=np.inf))
     for first, last in spans(same):  # samples first + 1 to last + 1 repeat sample `first`
         following = steps[last + 2 : last + 5]
@@ -215,25 +212,13 @@ def _without_stale(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
             and len(following) > 0
             and steps[last + 1] > max(1.4 * np.median(following), 10.0 * grain)
         )
-        stale[first + 1 : last + 2] = leap or not natural
+        stale[first + 1 : last + 2] = leap or not (is_rounded or is_smooth)
     return _left_out(
         "stale",
         stream,
         stale,
         "the same pose again, {count} times with new stamps (a lost body): left out",
     )
-
-
-def _is_rounded(stream: PoseStream, same: np.ndarray) -> bool:
-    poses = stream.position[np.concatenate([[True], ~same])]
-    returns = len(poses) - len(np.unique(poses, axis=0))
-    return 2 * returns >= len(spans(same))
-
-
-def _is_smooth(stream: PoseStream, same: np.ndarray) -> bool:
-    steps = np.diff(stream.position, axis=0)[~same]
-    turns = np.einsum("ij,ij->i", steps[1:], steps[:-1]) < 0.0
-    return len(steps) < LEAST_RUN or float(np.mean(turns)) < 0.05
 
 
 # jittered stamps
@@ -243,12 +228,18 @@ def _on_grid(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
     """Stamps at a steady frame rate, where it is clear which frame each belongs to; of poses with
     one stamp only the first if it is not.
     """
-    doubled = np.concatenate([[False], np.diff(stream.stamp_ns) == 0])[: len(stream)]
+    doubled = _doubled(stream)
     time = (stream.stamp_ns - stream.stamp_ns[:1]) * 1e-9
     runs = [run for run in _runs(time) if np.sum(~doubled[run]) >= LEAST_RUN]
-    if (bursts := bunched(stream.body, stream.stamp_ns)) is not None:
-        return stream, bursts[1]
-    if not runs or _all_regular(time[~doubled]):
+    if bursts := bunched(stream.body, stream.stamp_ns):
+        return stream, bursts
+    if runs:  # each may be a grid of the median step already
+        single = time[~doubled]
+        begins = np.concatenate(
+            [np.full(run.stop - run.start, single[run.start]) for run in _runs(single)]
+        )
+        frames = (single - begins) / float(np.median(np.diff(single)))
+    if not runs or np.abs(frames - np.rint(frames)).max() < STRAY_RMS:
         return _first_of_a_stamp(stream, doubled)
     period, coherence = _frame_period(time, runs)
     if coherence < LEAST_COHERENCE:
@@ -298,21 +289,16 @@ def _restamped(
 
 
 def _first_of_a_stamp(stream: PoseStream, doubled: np.ndarray) -> tuple[PoseStream, list[Fault]]:
-    text = (
-        "{count} other poses with the stamp of the one before: left out, and nobody knows which of"
-        " them was right"
+    return _left_out(
+        "repeated_stamp",
+        stream,
+        doubled,
+        (
+            "{count} other poses with the stamp of the one before: left out, and nobody knows which of"
+            " them was right"
+        ),
+        False,
     )
-    return _left_out("repeated_stamp", stream, doubled, text, False)
-
-
-def _all_regular(time: np.ndarray) -> bool:
-    """Whether every run of stamps (n,) is a grid of the median step already."""
-    step = float(np.median(np.diff(time)))
-    begins = np.concatenate(
-        [np.full(run.stop - run.start, time[run.start]) for run in _runs(time)]
-    )
-    frames = (time - begins) / step
-    return bool(np.abs(frames - np.rint(frames)).max() < STRAY_RMS)
 
 
 def _frame_period(time: np.ndarray, runs: list[slice]) -> tuple[float, float]:
@@ -378,188 +364,6 @@ def _frames(time: np.ndarray, period: float) -> tuple[np.ndarray, bool]:
     return (number * period + offset if line is None else line(number)), clear
 
 
-# bodies that exchange their names
-
-
-def _unswapped(one: PoseStream, other: PoseStream) -> tuple[PoseStream, PoseStream, list[Fault]]:
-    """Two streams with the poses exchanged that belong to the other body.
-
-    Between two frames either each name goes on from its own pose or each goes on from the other's.
-    By the triangle inequality bodies that move alike can never seem to have changed places, so a
-    way that is half as long means that they did. The wrong one of two stretches is the one without
-    free flight, if one of the bodies is the ball, and else the one that is much shorter.
-    """
-    if min(len(one), len(other)) < LEAST_RUN:
-        return one, other, []
-    period = 1e-9 * float(np.median(np.diff(one.stamp_ns)))
-    i, j = _matched(one.stamp_ns, other.stamp_ns, round(0.3e9 * period))
-    if len(i) < LEAST_RUN:
-        return one, other, []
-    a, b, stamps = one.position[i], other.position[j], one.stamp_ns[i]
-    straight = _steps(a) + _steps(b)
-    crossing = _distance(b[1:], a[:-1]) + _distance(a[1:], b[:-1])
-    changes = (straight > 2.0 * crossing) & (straight - crossing > CLOSE)
-    exchanged, faults = [], []
-    pieces = _pieces(one, period), _pieces(other, period)
-    for run in _runs_of_both(stamps, pieces[0][i], pieces[1][j]):
-        crossed = np.concatenate([[0], np.cumsum(changes[run.start : run.stop - 1])]) % 2 == 1
-        wrong, sure, why = _which_is_wrong(
-            one.body, other.body, a[run], b[run], stamps[run], period, crossed
-        )
-        for first, last in spans(wrong):
-            first, last = first + run.start, last + run.start
-            text = f"{last - first + 1} frames under each other's names, told by {why}"
-            names = f"{one.body} and {other.body}"
-            text = (
-                f"{names}: {text}"
-                if sure
-                else f"{names}: two stretches are exchanged, and nothing tells which of them"
-            )
-            faults.append(
-                Fault(
-                    "swap",
-                    names,
-                    int(stamps[first]),
-                    int(stamps[last]),
-                    int(last - first + 1),
-                    text,
-                    sure,
-                )
-            )
-            if sure:
-                exchanged.append(_Span.of(stamps, run, first, last))
-    return (*_exchanged((one, other), pieces, exchanged, round(0.3e9 * period)), faults)
-
-
-@dataclass(frozen=True)
-class _Span:
-    """Stamps of an exchanged stretch: of the last clear frame before it, its first, its last, the
-    first clear frame after it; nan at the ends of a run, where it goes on as long as one of the
-    bodies is seen without a break.
-    """
-
-    before: float
-    start: int
-    stop: int
-    after: float
-
-    @classmethod
-    def of(cls, stamps: np.ndarray, run: slice, first: int, last: int) -> _Span:
-        before = np.nan if first == run.start else stamps[first - 1]
-        return cls(
-            before,
-            int(stamps[first]),
-            int(stamps[last]),
-            np.nan if last == run.stop - 1 else stamps[last + 1],
-        )
-
-    def parts(
-        self, stamps: np.ndarray, piece: np.ndarray, margin: int
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Samples of a stream that belong to it, and samples that may belong to it."""
-        inside = (stamps >= self.start - margin) & (stamps <= self.stop + margin)
-        rows = np.flatnonzero(inside)
-        if np.isnan(self.before):
-            inside |= (stamps < self.start) & (piece == piece[rows[0]])
-        if np.isnan(self.after):
-            inside |= (stamps > self.stop) & (piece == piece[rows[-1]])
-        unclear = (stamps > np.nan_to_num(self.before, nan=self.start) + margin) & (
-            stamps < np.nan_to_num(self.after, nan=self.stop) - margin
-        )
-        return inside, unclear & ~inside
-
-
-def _pieces(stream: PoseStream, period: float) -> np.ndarray:
-    """Number of the unbroken piece of path that each sample (n,) lies on."""
-    steps = np.diff(stream.stamp_ns) * 1e-9
-    broken = (steps > 3.5 * period) | (_steps(stream.position) > CLOSE + FASTEST * steps)
-    return np.concatenate([[0], np.cumsum(broken)])
-
-
-def _runs_of_both(stamps: np.ndarray, one: np.ndarray, other: np.ndarray) -> list[slice]:
-    """Stretches of frames (n,) within which it is known how the names go on: no pause, or one of
-    the bodies was seen all the time.
-    """
-    return _stretches((np.diff(stamps) * 1e-9 > PAUSE) & (np.diff(one) > 0) & (np.diff(other) > 0))
-
-
-def _which_is_wrong(
-    one: str,
-    other: str,
-    a: np.ndarray,
-    b: np.ndarray,
-    stamps: np.ndarray,
-    period: float,
-    crossed: np.ndarray,
-) -> tuple[np.ndarray, bool, str]:
-    """Frames (n,) of a run that bear the wrong names, whether that is sure, and what tells."""
-    if "ball" in (one, other):
-        ball, body = (b, a) if other == "ball" else (a, b)
-        ball, body = np.where(crossed[:, None], body, ball), np.where(crossed[:, None], ball, body)
-        flying = _frames_in_flight(stamps, ball, period) - _frames_in_flight(stamps, body, period)
-        if abs(flying) >= SURE_FRAMES:
-            return (crossed if flying > 0 else ~crossed), True, "free flight"
-    share = float(np.mean(crossed))
-    wrong = crossed if share <= 0.5 else ~crossed
-    return wrong, min(share, 1.0 - share) < 0.4, "continuity"
-
-
-def _frames_in_flight(stamps: np.ndarray, position: np.ndarray, period: float) -> int:
-    """How many stretches of FLYING_FRAMES frames fall freely."""
-    if len(stamps) < FLYING_FRAMES:
-        return 0
-    half = FLYING_FRAMES // 2
-    whole = stamps[FLYING_FRAMES - 1 :] - stamps[: 1 - FLYING_FRAMES] < 1e9 * period * (
-        FLYING_FRAMES - 0.5
-    )
-    places = np.arange(-half, half + 1)
-    # second derivative of the parabola through the samples
-    weights = np.linalg.pinv(np.vander(places * period, 3))[0] * 2.0
-    windows = np.lib.stride_tricks.sliding_window_view(position, FLYING_FRAMES, axis=0)
-    acceleration = windows @ weights
-    return int(
-        np.sum(whole & (_distance(acceleration, np.array([0.0, 0.0, -GRAVITY])) < NEAR_GRAVITY))
-    )
-
-
-def _exchanged(
-    streams: tuple, pieces: tuple, stretches: list[_Span], margin: int
-) -> tuple[PoseStream, PoseStream]:
-    """Both streams with the samples of some spans given to each other. What lies between frames of
-    one kind and the other, with no partner to tell its kind, is left out.
-    """
-    if not stretches:
-        return streams
-    given, kept = [], []
-    for stream, piece in zip(streams, pieces, strict=True):
-        inside, unclear = np.zeros((2, len(stream)), dtype=bool)
-        for span in stretches:
-            its, doubtful = span.parts(stream.stamp_ns, piece, margin)
-            inside |= its
-            unclear |= doubtful
-        given.append(stream.take(inside))
-        kept.append(stream.take(~inside & ~unclear))
-    return _joined(kept[0], given[1]), _joined(kept[1], given[0])
-
-
-def _joined(stream: PoseStream, more: PoseStream) -> PoseStream:
-    stamps = np.concatenate([stream.stamp_ns, more.stamp_ns])
-    position = np.concatenate([stream.position, more.position])
-    quaternion = np.concatenate([stream.quaternion, more.quaternion])
-    return replace(stream, stamp_ns=stamps, position=position, quaternion=quaternion).take(
-        np.argsort(stamps, kind="stable")
-    )
-
-
-def _matched(one: np.ndarray, other: np.ndarray, tolerance: int) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of stamps (n,), (m,) that are at most a tolerance apart, each used once."""
-    j = np.clip(np.searchsorted(other, one), 1, len(other) - 1)
-    j -= one - other[j - 1] < other[j] - one
-    near = np.abs(other[j] - one) <= tolerance
-    near[1:] &= ~((j[1:] == j[:-1]) & near[:-1])
-    return np.flatnonzero(near), j[near]
-
-
 # orientations that leap, lone samples, and missing ones
 
 
@@ -570,21 +374,16 @@ def _without_leaps(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
     found = find_leaps(stream)
     if found is None:
         return stream, []
-    first, last = np.flatnonzero(found.leapt)[[0, -1]]
+    mended, leapt, angle = found
+    is_clear = bool(np.mean(leapt) < CLEARLY)
+    which = "one of them, and nothing tells whether it is the right one"
     text = (
-        "the orientation of {count} poses leapt between two solutions,"
-        f" {np.degrees(found.angle):.0f} degrees apart, as of markers that look the same after"
-        " this turn: brought back to "
-        + (
-            "the one that was seen more often"
-            if found.is_clear
-            else "one of them, and nothing tells whether it is the right one"
-        )
-    )
-    fault = _fault(
-        "leap", stream, int(first), int(last), text, found.is_clear, int(found.leapt.sum())
-    )
-    return found.mended(stream), [fault]
+        f"the orientation of {{count}} poses leapt between two solutions, {np.degrees(angle):.0f}"
+        " degrees apart, as of markers that look the same after this turn: brought back to "
+    ) + ("the one that was seen more often" if is_clear else which)
+    first, last = np.flatnonzero(leapt)[[0, -1]].tolist()
+    fault = _fault("leap", stream, first, last, text, is_clear, int(leapt.sum()))
+    return mended, [fault]
 
 
 def _without_outliers(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
@@ -646,15 +445,8 @@ def _gaps(stream: PoseStream) -> list[Fault]:
 
 def _runs(time: np.ndarray) -> list[slice]:
     """Stretches of stamps (n,) [s] without a pause."""
-    return _stretches(np.diff(time) > PAUSE)
-
-
-def _stretches(ends: np.ndarray) -> list[slice]:
-    """Stretches of samples (n,), which end where `ends` (n - 1,) is true."""
-    edges = np.concatenate([[0], np.flatnonzero(ends) + 1, [len(ends) + 1]])
-    return [
-        slice(int(first), int(last)) for first, last in zip(edges[:-1], edges[1:], strict=True)
-    ]
+    edges = [0, *(np.flatnonzero(np.diff(time) > PAUSE) + 1).tolist(), len(time)]
+    return [slice(first, last) for first, last in pairwise(edges)]
 
 
 def _fault(
@@ -667,16 +459,8 @@ def _fault(
     count: int | None = None,
 ) -> Fault:
     count = last - first + 1 if count is None else count
-    stamps = stream.stamp_ns
-    return Fault(
-        kind,
-        stream.body,
-        int(stamps[first]),
-        int(stamps[last]),
-        count,
-        text.format(count=count),
-        repaired,
-    )
+    times = int(stream.stamp_ns[first]), int(stream.stamp_ns[last])
+    return Fault(kind, stream.body, *times, count, text.format(count=count), repaired)
 
 
 def _of_spans(

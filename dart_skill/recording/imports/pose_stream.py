@@ -226,46 +226,7 @@ CLEARLY = 0.4
 """Largest share of samples that leapt of which it is sure that they are the wrong ones."""
 
 
-@dataclass(frozen=True)
-class Leaps:
-    """Where the orientation of a body leapt.
-
-    Parameters
-    ----------
-    leapt
-        (n,) whether each sample shows the solution that was seen less often.
-    turn
-        (4,) quaternion of that solution in the axes of the body, as the other one has them.
-    """
-
-    leapt: np.ndarray
-    turn: np.ndarray
-
-    @property
-    def is_clear(self) -> bool:
-        """Whether it is sure which of the two solutions is the right one."""
-        return bool(np.mean(self.leapt) < CLEARLY)
-
-    @property
-    def angle(self) -> float:
-        """Angle between the two solutions [rad]."""
-        return float(_angles(self.turn[None])[0])
-
-    def mended(self, stream: PoseStream) -> PoseStream:
-        """The stream with all samples in the solution that was seen more often.
-
-        Parameters
-        ----------
-        stream
-            In which they were found.
-        """
-        back = product(
-            stream.quaternion, np.broadcast_to(self.turn * CONJUGATE, stream.quaternion.shape)
-        )
-        return replace(stream, quaternion=np.where(self.leapt[:, None], back, stream.quaternion))
-
-
-def find_leaps(stream: PoseStream) -> Leaps | None:
+def find_leaps(stream: PoseStream) -> tuple[PoseStream, np.ndarray, float] | None:
     """Where an orientation leaps between two solutions; None where it does not, or leaps
     otherwise.
 
@@ -273,6 +234,12 @@ def find_leaps(stream: PoseStream) -> Leaps | None:
     ----------
     stream
         Quaternions of norm 1, in order of time.
+
+    Returns
+    -------
+    tuple[PoseStream, np.ndarray, float] | None
+        The stream with all samples in the solution that was seen more often, whether each sample
+        showed the other one (n,), and the angle between the two [rad].
     """
     if len(stream) < 2 * LEAST_STRETCH:
         return None
@@ -294,11 +261,11 @@ def find_leaps(stream: PoseStream) -> Leaps | None:
     ).tolist()[::2]
     if np.mean(leapt) > 0.5:
         leapt, turn = ~leapt, turn * CONJUGATE
-    return (
-        Leaps(leapt, turn)
-        if len(stretches) > 1 or max(stretches, default=0) >= LEAST_STRETCH
-        else None
-    )
+    if len(stretches) < 2 and max(stretches, default=0) < LEAST_STRETCH:
+        return None
+    back = product(q, np.broadcast_to(turn * CONJUGATE, q.shape))
+    mended = replace(stream, quaternion=np.where(leapt[:, None], back, q))
+    return mended, leapt, float(_angles(turn[None])[0])
 
 
 def _leapt(steps: np.ndarray, turn: np.ndarray) -> np.ndarray:

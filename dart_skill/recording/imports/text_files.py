@@ -16,7 +16,7 @@ from decimal import Decimal, InvalidOperation
 from functools import cached_property
 from operator import itemgetter
 from pathlib import Path
-from typing import NamedTuple, TextIO
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,8 @@ from dart_skill.common.files import open_file
 from dart_skill.recording.imports.mapping import TIME_UNITS
 
 DELIMITERS = ("\t", ";", ",")
-"""Between cells, in the order in which they are tried: a comma may be a decimal one where there
-are others.
+"""Characters between cells, in the order in which they are tried: a comma may be a decimal one where
+there are others.
 """
 MISSING = {
     "",
@@ -58,11 +58,11 @@ SAMPLE = 65_536
 LAST_LINES = 10
 """Number of lines at the end of the sample that tell the delimiter; a header may precede them."""
 LATEST_NS = 2**62
-"""Later than any time of a recording [ns]."""
+"""Time that no recording reaches [ns]."""
 SCALES = {unit: int(scale) for unit, scale in TIME_UNITS.items()}
 """Nanoseconds of each unit of time, as whole numbers."""
 CHUNK = 4096
-"""Rows that become numbers at a time."""
+"""Number of rows that become numbers at a time."""
 
 
 class TextRow(NamedTuple):
@@ -129,13 +129,17 @@ class TextFile:
             with io.TextIOWrapper(
                 open_file(self.path), self._encoding, errors="replace"
             ) as stream:
-                numbered = self._quoted(stream) if self._is_quoted else self._split(stream)
-                yield from (
-                    TextRow(number, cells)
-                    for number, cells in numbered
-                    if number > after
-                    and (any(map(str.strip, cells[:1])) or any(map(str.strip, cells)))
-                )
+                if self.delimiter == " " and not any('"' in line for line in self.first_lines):
+                    numbered: Iterable[tuple[int, list[str]]] = enumerate(
+                        map(str.split, stream), 1
+                    )
+                else:
+                    spaced = self.delimiter == " "
+                    reader = csv.reader(stream, delimiter=self.delimiter, skipinitialspace=spaced)
+                    numbered = ((reader.line_num, cells) for cells in reader)
+                for number, cells in numbered:
+                    if number > after and any(map(str.strip, cells)):
+                        yield TextRow(number, cells)
         except csv.Error as error:
             raise self.error(f"no CSV file: {error}") from error
 
@@ -238,31 +242,10 @@ class TextFile:
             if line.strip()
         ]
 
-    @property
-    def _is_quoted(self) -> bool:
-        return any('"' in line for line in self.first_lines)
-
     def _told_delimiter(self) -> str:
         lines = self.first_lines[-LAST_LINES:]
         spaced = " " if all(len(line.split()) > 1 for line in lines) else ","
         return next((one for one in DELIMITERS if all(one in line for line in lines)), spaced)
-
-    def _quoted(self, stream: TextIO) -> Iterator[tuple[int, list[str]]]:
-        if self.delimiter == " ":
-            reader = csv.reader(stream, delimiter=" ", skipinitialspace=True)
-        else:
-            reader = csv.reader(stream, delimiter=self.delimiter)
-        for cells in reader:
-            yield reader.line_num, cells
-
-    def _split(self, stream: TextIO) -> Iterator[tuple[int, list[str]]]:
-        """As `_quoted`, several times as fast, where nothing is in quotes."""
-        delimiter = None if self.delimiter == " " else self.delimiter
-        for number, line in enumerate(stream, 1):
-            if '"' in line and delimiter:
-                yield number, next(csv.reader([line], delimiter=delimiter))
-            else:
-                yield number, (line[:-1] if line[-1:] == "\n" else line).split(delimiter)
 
     def _numbers(self, chunk: Sequence[TextRow]) -> np.ndarray:
         try:

@@ -31,7 +31,6 @@ from dart_skill.recording.bags import (
     type_hash,
     typestore,
 )
-from dart_skill.recording.grip_signal import GripSignal, Opening
 from dart_skill.recording.imports._tables import read_pose_table, read_table
 from dart_skill.recording.imports.bag_topics import (
     PART_NS,
@@ -48,7 +47,7 @@ from dart_skill.recording.imports.clocks import (
     without_running_back,
 )
 from dart_skill.recording.imports.faults import BACKWARDS, GAP, NOTE, UNSTAMPED, Fault, in_words
-from dart_skill.recording.imports.joint_streams import JOINTS, JointStream, States, joint_stream
+from dart_skill.recording.imports.joint_streams import JOINTS, JointStream, joint_stream
 from dart_skill.recording.imports.mapping import (
     ANGLE_UNITS,
     LENGTH_UNITS,
@@ -61,13 +60,14 @@ from dart_skill.recording.imports.mapping import (
 from dart_skill.recording.imports.motion_capture import read_capture
 from dart_skill.recording.imports.pose_faults import repair
 from dart_skill.recording.imports.pose_stream import PoseStream, transformed, with_continuous_signs
+from dart_skill.recording.signals import GripSignal, Opening
 
 FEW = 10
-"""A body that was published less often, and did not move, stands still: it is published once, for
-all who come later.
+"""Number of poses from which a body is tracked; one with fewer that did not move stands still: it is
+published once, for all who come later.
 """
 STILL = 1e-3
-"""Poses that are nearer to each other are of a body that did not move [m]."""
+"""Largest distance between poses of a body that did not move [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +166,7 @@ def read_in_parts(
     of_bag = bag_faults(source, mapping) if mend else []
     told = of_bag
     with _beside(of_bag):
-        for taken in read_topics(source, mapping, part_ns if mapping is OWN else 0):
+        for taken in read_topics(source, mapping, part_ns, mapping is OWN):
             recording = _recording(source, mapping, taken, mend, still)
             seen |= {role for role, stream in recording.bodies.items() if len(stream)}
             recorded.update(recording.recorded)
@@ -294,7 +294,7 @@ def _clocks(
             continue
         stamps, log_ns = (
             (content.stamp_ns, content.log_ns)
-            if isinstance(content, States)
+            if isinstance(content, JointStream)
             else (content.stamps, content.log)
         )
         filled = stamps != 0
@@ -311,12 +311,11 @@ def _never_moving(bodies: Mapping[str, PoseStream]) -> list[Fault]:
     for role in ("hand", "ball"):
         stream = bodies.get(role)
         if stream is not None and len(stream) >= FEW and not np.ptp(stream.position, axis=0).any():
-            start, stop = int(stream.stamp_ns.min()), int(stream.stamp_ns.max())
             text = (
                 f"{len(stream)} poses that are the same to the last bit: a body that was lost, or"
                 " is not the one that moved"
             )
-            faults.append(Fault("stale", role, start, stop, len(stream), text, False))
+            faults.append(Fault.of("stale", role, stream.stamp_ns, text))
     return faults
 
 
@@ -334,17 +333,7 @@ def _standing(
             still[role] = np.concatenate([stream.position[0], stream.quaternion[0]])
             at = ", ".join(f"{x:.3f}" for x in still[role][:3])
             text = f"published {len(stream)} times, always at ({at}): taken to stand there"
-            faults.append(
-                Fault(
-                    NOTE,
-                    role,
-                    int(stream.stamp_ns[0]),
-                    int(stream.stamp_ns[-1]),
-                    len(stream),
-                    text,
-                    True,
-                )
-            )
+            faults.append(Fault.of(NOTE, role, stream.stamp_ns, text, True))
         if role in still and len(stream) < FEW:
             found[role] = _resting(role, still[role], hand, frame)
     return found
@@ -448,15 +437,13 @@ def _body(
             1.0,
             QUATERNION_ORDERS["xyzw"],
         )
-    time = timed(role, stamps, log_ns, where.clock)
-    stream = PoseStream(
-        role, time.stamp_ns, scale * position[time.kept], quaternion[time.kept][:, order], frame
-    )
+    stamps, kept, found = timed(role, stamps, log_ns, where.clock)
+    stream = PoseStream(role, stamps, scale * position[kept], quaternion[kept][:, order], frame)
     if not where.is_plain:
         stream = transformed(
             stream, where.world, where.offset, where.axes, where.orientation_axes, where.is_inverse
         )
-    return stream, faults + time.faults
+    return stream, faults + found
 
 
 def _resting(role: str, pose: np.ndarray, stamps: np.ndarray, frame: str) -> PoseStream:
@@ -466,7 +453,7 @@ def _resting(role: str, pose: np.ndarray, stamps: np.ndarray, frame: str) -> Pos
 
 
 def _joints(
-    where: SignalSource | None, states: States | None, folder: Path
+    where: SignalSource | None, states: JointStream | None, folder: Path
 ) -> tuple[JointStream | None, list[Fault]]:
     """The joint states in our angles, and what is wrong with them."""
     if where is None or (where.table is None and states is None):
@@ -485,37 +472,27 @@ def _joints(
             columns["velocity"] if columns["velocity"].shape[1] else np.full((n, N_JOINTS), np.nan)
         )
         unit = ANGLE_UNITS[where.angle]
-        states = States(
-            columns["time"],
-            columns["time"],
-            unit * columns["position"],
-            unit * velocity,
-            where.names,
-        )
+        time, position = columns["time"], unit * columns["position"]
+        states = JointStream(time, position, unit * velocity, where.names, time)
         states = states.take(np.isfinite(states.position).all(axis=1))
     else:
         assert states is not None  # as was just asked
         log_ns = states.log_ns
-    time = timed(JOINTS, states.stamp_ns, log_ns, where.clock)
-    stream, found = joint_stream(states.take(time.kept), time.stamp_ns, where)
-    if not where.clock.is_regular and (bursts := bunched(JOINTS, stream.stamp_ns)) is not None:
-        found += bursts[1]
-    if (
-        back := int(np.sum(np.diff(without_running_back(time.stamp_ns) - time.stamp_ns) != 0))
-    ) and not time.faults:
-        text = f"stamps run back {back} times, and stay behind: was the clock set?"
+    stamps, kept, of_time = timed(JOINTS, states.stamp_ns, log_ns, where.clock)
+    stream, found = joint_stream(states.take(kept), stamps, where)
+    found += [] if where.clock.is_regular else bunched(JOINTS, stream.stamp_ns)
+    back = int(np.sum(np.diff(without_running_back(stamps) - stamps) != 0))
+    if back and not of_time:
         found.append(
-            Fault(
+            Fault.of(
                 BACKWARDS,
                 JOINTS,
-                int(time.stamp_ns.min()),
-                int(time.stamp_ns.max()),
-                back,
-                text,
-                False,
+                stamps,
+                f"stamps run back {back} times, and stay behind: was the clock set?",
+                count=back,
             )
         )
-    return stream, [*states.faults, *time.faults, *found]
+    return stream, [*states.faults, *of_time, *found]
 
 
 def _openings(mapping: RecordingMapping, taken: dict, folder: Path) -> tuple[Opening, ...]:

@@ -6,7 +6,6 @@ is what `lerobot/datasets` of version 0.6 writes: data/ and meta/episodes/ in Pa
 meta/info.json, meta/stats.json, meta/tasks.parquet, videos/ in MP4.
 """
 
-from dart_skill.recording.lerobot._format import DatasetCamera, Feature
 from dart_skill.recording.lerobot._reader import Episode, LeRobotDataset, is_dataset, read_dataset
 from dart_skill.recording.lerobot._resampling import (
     at_frames,
@@ -16,7 +15,7 @@ from dart_skill.recording.lerobot._resampling import (
     seen_at,
     turned_at_frames,
 )
-from dart_skill.recording.lerobot._writer import DatasetWriter
+from dart_skill.recording.lerobot.writer import DatasetCamera, DatasetWriter, Feature
 
 __all__ = [
     "DatasetCamera",

@@ -15,13 +15,26 @@ from typing import Any
 import numpy as np
 
 from dart_skill.common.extras import need, optional
-from dart_skill.recording.lerobot import _format as format_
 
+INFO = "meta/info.json"
+TASKS = "meta/tasks.parquet"
+EPISODE_LINES = "meta/episodes.jsonl"
+"""Where version 2 has a line for each episode."""
+TASK_LINES = "meta/tasks.jsonl"
+"""Where version 2 has a line for each task."""
+COUNTED = {
+    "timestamp": "float32",
+    "frame_index": "int64",
+    "episode_index": "int64",
+    "index": "int64",
+    "task_index": "int64",
+}
+"""What every dataset has beside its own features, and its type."""
 READ = ("v2.", "v3.")
 """How versions begin that are read."""
 CONVERTER = "python -m lerobot.scripts.convert_dataset_v1_to_v2"
 LATE = 1e-3
-"""A frame may be so far from frame_index / fps, where float32 rounds [s]."""
+"""Largest distance of a frame from frame_index / fps, where float32 rounds [s]."""
 COMMANDED = "action"
 """How keys of commands begin: what was seen may have elements of the same names."""
 
@@ -76,7 +89,7 @@ class LeRobotDataset:
             if found > 1:
                 raise ValueError(
                     f"{self.path}: {found} elements of {key} are called '{name}': give them"
-                    f" different names in {format_.INFO}"
+                    f" different names in {INFO}"
                 )
             if found:
                 return episode.frames[key][:, self.names[key].index(name)]
@@ -85,7 +98,7 @@ class LeRobotDataset:
 
 def is_dataset(path: str | os.PathLike) -> bool:
     """Whether a folder is a dataset of LeRobot, of any version."""
-    return (Path(path) / format_.INFO).is_file()
+    return (Path(path) / INFO).is_file()
 
 
 def read_dataset(path: str | os.PathLike) -> LeRobotDataset:
@@ -122,18 +135,18 @@ def read_dataset(path: str | os.PathLike) -> LeRobotDataset:
     expected = info.get("total_episodes", len(episodes))
     if len(episodes) != expected:
         raise ValueError(
-            f"{path}: {format_.INFO} tells of {expected} episodes, in data/ are {len(episodes)}"
+            f"{path}: {INFO} tells of {expected} episodes, in data/ are {len(episodes)}"
         )
     return LeRobotDataset(path, info["fps"], names, episodes, tuple(notes))
 
 
 def _info(path: Path) -> dict[str, Any]:
-    file = path / format_.INFO
+    file = path / INFO
     try:
         info = json.loads(file.read_text(encoding="utf-8"))
         version, fps, features = str(info["codebase_version"]), info["fps"], info["features"]
     except FileNotFoundError:
-        raise ValueError(f"{path}: no dataset of LeRobot: it has no {format_.INFO}") from None
+        raise ValueError(f"{path}: no dataset of LeRobot: it has no {INFO}") from None
     except (ValueError, KeyError, TypeError) as error:
         raise ValueError(
             f"{file}: codebase_version, fps and features are needed: {error}"
@@ -157,7 +170,7 @@ def _is_vector(key: str, feature: Any) -> bool:
     is_number = isinstance(feature, dict) and str(feature.get("dtype")).startswith(
         ("float", "int", "uint", "bool")
     )
-    return is_number and key not in format_.COUNTED and _size(feature) is not None
+    return is_number and key not in COUNTED and _size(feature) is not None
 
 
 def _size(feature: Mapping[str, Any]) -> int | None:
@@ -217,10 +230,8 @@ def _data(path: Path, names: Mapping[str, tuple[str, ...]]) -> dict[str, np.ndar
             with pq.ParquetFile(file) as stored:
                 there = stored.schema_arrow.names
                 if missing := [key for key in names if key not in there]:
-                    raise ValueError(f"no column {missing[0]}, of which {format_.INFO} tells")
-                table = stored.read(
-                    columns=[key for key in (*names, *format_.COUNTED) if key in there]
-                )
+                    raise ValueError(f"no column {missing[0]}, of which {INFO} tells")
+                table = stored.read(columns=[key for key in (*names, *COUNTED) if key in there])
             columns = {key: _array(table.column(key)) for key in table.column_names}
             for key, values in _counted(columns, file, len(table)).items():
                 parts.setdefault(key, []).append(values)
@@ -249,8 +260,7 @@ def _counted(columns: dict[str, np.ndarray], file: Path, n: int) -> dict[str, np
     columns["timestamp"] = columns.get("timestamp", np.full(n, np.nan))
     columns["index"] = np.arange(n)
     return {
-        key: values.reshape(-1) if key in format_.COUNTED else values
-        for key, values in columns.items()
+        key: values.reshape(-1) if key in COUNTED else values for key, values in columns.items()
     }
 
 
@@ -269,11 +279,11 @@ def _tasks(path: Path) -> dict[int, str]:
     no name in its first versions.
     """
     pa, pq = optional("pyarrow"), optional("pyarrow.parquet")
-    file = path / format_.TASKS
+    file = path / TASKS
     if not file.is_file():
         return {
             int(line["task_index"]): str(line["task"])
-            for line in _lines(path / format_.TASK_LINES, "task_index", "task")
+            for line in _lines(path / TASK_LINES, "task_index", "task")
         }
     try:
         table = pq.read_table(file)
@@ -293,7 +303,7 @@ def _tasks_of_episodes(path: Path) -> dict[int, str]:
     """The task of each episode by its number, as version 2 tells it beside the frames, where it is
     one.
     """
-    lines = _lines(path / format_.EPISODE_LINES, "episode_index", "tasks")
+    lines = _lines(path / EPISODE_LINES, "episode_index", "tasks")
     return {
         int(line["episode_index"]): str(line["tasks"][0])
         for line in lines

@@ -13,7 +13,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 CERTAIN = 1e-3
-"""A share of a frame so near to 0 or 1 counts as that: values are stored with 24 bits."""
+"""Largest distance of a share of a frame from 0 or 1 that counts as that: values are stored with 24
+bits.
+"""
 
 
 def frame_times(duration: float, fps: float) -> np.ndarray:

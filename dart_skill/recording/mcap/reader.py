@@ -10,13 +10,13 @@ import struct
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import partial
-from itertools import chain, islice
+from itertools import islice
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, ChunkIndex, McapRecord, Metadata
+from mcap.records import Attachment, ChunkIndex, Metadata, Statistics
 
 from dart_skill.common.files import open_file
 from dart_skill.recording.mcap.record_walk import Damage, Record, read_definitions, walk
@@ -42,7 +42,6 @@ T = TypeVar("T")
 END_OF_TIME = 2**64
 AT_ONCE = 16_384
 """Messages whose log times are looked at together."""
-_FIELDS = struct.Struct("<BQH4xQ")  # of a message record: opcode, length, channel, log time
 _STAMP = itemgetter(2)
 
 
@@ -65,20 +64,10 @@ class BagMessage(NamedTuple):
     data: Any
 
 
-class Part(NamedTuple):
-    """A part of a file.
-
-    Parameters
-    ----------
-    start_ns, end_ns
-        Log times of its first and last message.
-    read
-        Gives its messages in order of log time.
-    """
-
-    start_ns: int
-    end_ns: int
-    read: Callable[[], Iterable[BagMessage]]
+Part: TypeAlias = "tuple[int, int, Callable[[], Iterable[BagMessage]]]"
+"""A part of a file: log times of its first and last message [ns], and what gives its messages in
+order of log time.
+"""
 
 
 class McapInput:
@@ -114,13 +103,21 @@ class McapInput:
     def __init__(self, path: Path):
         self.path = path
         self._chunks: list[ChunkIndex] | None = None  # where all messages are
+        self._places: dict[int, list[int]] = {Opcode.METADATA: [], Opcode.ATTACHMENT: []}
+        self.counts: Counter[int] = Counter()
         self._stream = open_file(path)
         try:
             with mapped(path) as data:
                 self.library = parse_header(data)[0].library
                 summary = read_summary(data)
-                if summary is not None and is_complete(summary) and not _holds_more(data, summary):
-                    self._take(summary)
+                statistics = summary and summary.statistics
+                if (
+                    summary
+                    and statistics
+                    and is_complete(summary)
+                    and not _holds_more(data, summary)
+                ):
+                    self._take(summary, statistics)
                 else:
                     self._scan(data)
         except BaseException:
@@ -137,20 +134,13 @@ class McapInput:
         """Whether the file itself tells how many messages are in it, and where they are."""
         return self._chunks is not None
 
-    def type_name(self, channel: Channel) -> str:
-        """Message type of a channel; empty if the file does not tell it."""
-        schema = self.schemas.get(channel.schema_id)
-        return schema.name if schema is not None else ""
-
     def metadata(self) -> list[Metadata]:
         """Metadata records, in the order in which they were written."""
-        records = (self._record(Opcode.METADATA, place) for place in self._metadata_places)
-        return [record for record in records if isinstance(record, Metadata)]
+        return self._records(Opcode.METADATA)
 
     def attachments(self) -> list[Attachment]:
         """Files that were kept with the messages, in the order in which they were written."""
-        records = (self._record(Opcode.ATTACHMENT, place) for place in self._attachment_places)
-        return [record for record in records if isinstance(record, Attachment)]
+        return self._records(Opcode.ATTACHMENT)
 
     def parts(self, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int) -> list[Part]:
         """The parts of the file that may hold messages of some channels and times.
@@ -164,18 +154,15 @@ class McapInput:
         """
         if self._chunks is None:
             read = partial(self._found_messages, wanted, start_ns, stop_ns)
-            return [Part(self.start_ns, self.end_ns, read)]
+            return [(self.start_ns, self.end_ns, read)]
+        in_chunk = partial(_messages_in, wanted=wanted, start_ns=start_ns, stop_ns=stop_ns)
         return [
-            Part(
+            (
                 chunk.message_start_time,
                 chunk.message_end_time,
-                partial(
-                    self._of_chunk,
-                    index,
-                    partial(_messages_in, wanted=wanted, start_ns=start_ns, stop_ns=stop_ns),
-                ),
+                partial(self._of_chunk, chunk, in_chunk),
             )
-            for index, chunk in enumerate(self._chunks)
+            for chunk in self._chunks
             if start_ns <= chunk.message_end_time
             and chunk.message_start_time < stop_ns
             and not wanted.keys().isdisjoint(chunk.message_index_offsets)
@@ -206,8 +193,7 @@ class McapInput:
                     for one in messages
                     if one.channel in wanted
                 )
-            return
-        for chunk in self._chunks:
+        for chunk in self._chunks or ():
             data = memoryview(
                 self._at(chunk.chunk_start_offset + chunk.chunk_length, chunk.message_index_length)
             )
@@ -238,26 +224,20 @@ class McapInput:
         ------
         DamagedError
         """
-        places = {
-            number: [
-                k
-                for k, chunk in enumerate(self._chunks or ())
-                if number in chunk.message_index_offsets
-            ]
-            for number in wanted
-        }
+        ends: dict[int, ChunkIndex] = {}
+        for number in wanted:
+            its = [one for one in self._chunks or () if number in one.message_index_offsets]
+            ends |= {one.chunk_start_offset: one for one in (*its[:1], *its[-1:])}
         told: dict[int, list[int]] = {}
-        for index in sorted({k for found in places.values() for k in (*found[:1], *found[-1:])}):
-            for message in self._of_chunk(
-                index, lambda raw, most: list(messages_of(raw, most=most))
-            ):
-                told.setdefault(message.channel, []).append(message.sequence)
-        lost = {
-            number: told[number][-1] - told[number][0] + 1 - self.counts[number]
-            for number in wanted
-            if number in told
-        }
-        return {number: count for number, count in lost.items() if count > 0}
+        for _, chunk in sorted(ends.items()):
+            for one in self._of_chunk(chunk, lambda raw, most: list(messages_of(raw, most=most))):
+                told.setdefault(one.channel, []).append(one.sequence)
+        return +Counter(
+            {
+                number: told[number][-1] - told[number][0] + 1 - self.counts[number]
+                for number in told.keys() & set(wanted)
+            }
+        )
 
     def close(self) -> None:
         """Close the file."""
@@ -267,61 +247,50 @@ class McapInput:
         self._stream.seek(place)
         return self._stream.read(length)
 
-    def _record(self, opcode: int, place: int) -> McapRecord:
-        _opcode, length = RECORD.unpack(self._at(place, RECORD.size))
-        return parse(opcode, self._at(place + RECORD.size, length))
+    def _records(self, opcode: int) -> list:
+        found = []
+        for place in self._places[opcode]:
+            _opcode, length = RECORD.unpack(self._at(place, RECORD.size))
+            found.append(parse(opcode, self._at(place + RECORD.size, length)))
+        return found
 
-    def _take(self, summary: Summary) -> None:
-        statistics = summary.statistics
-        assert statistics is not None  # or the summary would not have been complete
-        self.schemas, self.channels, self._chunks = (
-            summary.schemas,
-            summary.channels,
-            summary.chunks,
-        )
+    def _take(self, summary: Summary, statistics: Statistics) -> None:
+        self.schemas, self.channels = summary.schemas, summary.channels
+        self._chunks = summary.chunks
         self.strays: dict[int, int] = {}
-        self.counts: Counter[int] = Counter(statistics.channel_message_counts)
+        self.counts = Counter(statistics.channel_message_counts)
         self.message_count = statistics.message_count
         self.start_ns, self.end_ns = statistics.message_start_time, statistics.message_end_time
-        self.compression = _listed(chunk.compression for chunk in summary.chunks)
-        self._metadata_places = [index.offset for index in summary.metadata]
-        self._attachment_places = [index.offset for index in summary.attachments]
+        compressions = {chunk.compression for chunk in summary.chunks}
+        self.compression = ", ".join(sorted(compressions - {""}))
+        self._places = {
+            Opcode.METADATA: [index.offset for index in summary.metadata],
+            Opcode.ATTACHMENT: [index.offset for index in summary.attachments],
+        }
 
     def _scan(self, data: memoryview) -> None:
         """What the summary would say, from the whole file."""
-        self.counts = Counter()
         compressions: set[str] = set()
         first_ns, last_ns = END_OF_TIME, 0
-        places: dict[int, list[int]] = {Opcode.METADATA: [], Opcode.ATTACHMENT: []}
         for found in _undamaged(data):
             for message in found.messages():
                 self.counts[message.channel] += 1
-                first_ns, last_ns = (
-                    min(first_ns, message.log_time_ns),
-                    max(last_ns, message.log_time_ns),
-                )
+                first_ns = min(first_ns, message.log_time_ns)
+                last_ns = max(last_ns, message.log_time_ns)
             if found.opcode == Opcode.CHUNK:
                 compressions.add(found.chunk().compression)
-            elif found.opcode in places:
-                places[found.opcode].append(found.offset)
+            elif found.opcode in self._places:
+                self._places[found.opcode].append(found.offset)
         self.schemas, self.channels = read_definitions(data)
-        self.strays = {
-            number: count for number, count in self.counts.items() if number not in self.channels
-        }
-        self.compression = _listed(compressions)
-        self._metadata_places, self._attachment_places = (
-            places[Opcode.METADATA],
-            places[Opcode.ATTACHMENT],
-        )
-        self.message_count = sum(self.counts.values())
+        self.strays = {k: count for k, count in self.counts.items() if k not in self.channels}
+        self.compression = ", ".join(sorted(compressions - {""}))
+        self.message_count = self.counts.total()
         self.start_ns, self.end_ns = (first_ns, last_ns) if self.message_count else (0, 0)
 
-    def _of_chunk(self, index: int, read: Callable[[bytes, int], T]) -> T:
+    def _of_chunk(self, chunk: ChunkIndex, read: Callable[[bytes, int], T]) -> T:
         """What is read of a chunk; DamagedError. read: takes its unpacked records, and how many
         there may be.
         """
-        assert self._chunks is not None  # as there are parts
-        chunk = self._chunks[index]
         place = chunk.chunk_start_offset
         try:
             record = self._at(place, chunk.chunk_length)
@@ -337,18 +306,15 @@ class McapInput:
                 f"the chunk at byte {place} of {self.path.name} is damaged: {error}"
             ) from error
 
-    def _found_messages(self, wanted: dict, start_ns: int, stop_ns: int) -> list[BagMessage]:
+    def _found_messages(
+        self, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int
+    ) -> list[BagMessage]:
         """All that are wanted of a file that does not tell where its messages are: they are read
         into memory.
         """
         with mapped(self.path) as data:
             found = [
-                BagMessage(
-                    wanted[message.channel][0],
-                    wanted[message.channel][1],
-                    message.log_time_ns,
-                    message.data,
-                )
+                BagMessage(*wanted[message.channel], message.log_time_ns, message.data)
                 for record in _undamaged(data)
                 for message in record.messages()
                 if message.channel in wanted and start_ns <= message.log_time_ns < stop_ns
@@ -360,12 +326,12 @@ def in_time_order(parts: Iterable[Part]) -> Iterator[BagMessage]:
     """Messages of all parts in order of log time; parts that overlap in time are merged."""
     group: list[Part] = []
     until = 0
-    for part in sorted(parts, key=itemgetter(0)):
-        if group and part.start_ns >= until:
+    for start_ns, end_ns, read in sorted(parts, key=itemgetter(0)):
+        if group and start_ns >= until:
             yield from _merged(group)
             group = []
-        group.append(part)
-        until = max(until, part.end_ns)
+        group.append((start_ns, end_ns, read))
+        until = max(until, end_ns)
     yield from _merged(group)
 
 
@@ -388,34 +354,18 @@ def _undamaged(data: memoryview) -> Iterator[Record]:
 def _messages_in(
     raw: bytes, most: int, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int
 ) -> list[BagMessage]:
-    """The same as `messages_of` in less time, of what is wanted, in order of log time."""
-    found: list[BagMessage] = []
-    in_order, last, fields, place, end = True, 0, _FIELDS.unpack_from, 0, len(raw)
-    append, new, info = found.append, tuple.__new__, wanted.get
-    while place < end - 30:
-        opcode, length, channel, stamp = fields(raw, place)
-        begin, place, most = place + 31, place + 9 + length, most - 1
-        if most < 0:
-            raise DamagedError("it has more records than its compressed bytes can tell apart")
-        if opcode != 5:
-            if opcode == 0:
-                raise DamagedError("no record begins where the one before it ends")
-            continue
-        if place > end or length < 22:
-            raise DamagedError("a message reaches beyond its end")
-        its = info(channel)
-        if its is not None and start_ns <= stamp < stop_ns:
-            in_order = in_order and stamp >= last
-            last = stamp
-            append(new(BagMessage, (*its, stamp, raw[begin:place])))
-    if not in_order:
-        found.sort(key=_STAMP)
-    return found
+    """What is wanted of the unpacked records of a chunk, in order of log time."""
+    found = [
+        BagMessage(*wanted[one.channel], one.log_time_ns, one.data)
+        for one in messages_of(raw, most=most)
+        if one.channel in wanted and start_ns <= one.log_time_ns < stop_ns
+    ]
+    return sorted(found, key=_STAMP)
 
 
 def _merged(group: list[Part]) -> Iterator[BagMessage]:
     if len(group) == 1:
-        yield from group[0].read()
+        yield from group[0][2]()
         return
     for message in heapq.merge(*map(_when_due, group), key=_STAMP):
         if message[0] is not None:
@@ -424,8 +374,8 @@ def _merged(group: list[Part]) -> Iterator[BagMessage]:
 
 def _when_due(part: Part) -> Iterator:
     """A part's messages, read when the merge has come to its first log time."""
-    yield (None, None, part.start_ns)
-    yield from part.read()
+    yield (None, None, part[0])
+    yield from part[2]()
 
 
 def is_complete(summary: Summary) -> bool:
@@ -437,34 +387,29 @@ def is_complete(summary: Summary) -> bool:
     summary
         Of a file.
     """
-    statistics = summary.statistics
-    if (
-        statistics is None
-        or not defines_all(summary)
-        or sum(statistics.channel_message_counts.values()) != statistics.message_count
-    ):
-        return False
+    told = summary.statistics
     indexed = sum(
         (chunk.message_index_length - 15 * len(chunk.message_index_offsets)) // 16
         for chunk in summary.chunks
     )
-    lists = statistics.metadata_count == len(
-        summary.metadata
-    ) and statistics.attachment_count == len(summary.attachments)
-    return lists and indexed == statistics.message_count
+    return (
+        told is not None
+        and defines_all(summary)
+        and indexed == told.message_count == sum(told.channel_message_counts.values())
+        and told.metadata_count == len(summary.metadata)
+        and told.attachment_count == len(summary.attachments)
+    )
 
 
 def _holds_more(data: memoryview, summary: Summary) -> bool:
     """Whether messages stand before, between or behind those chunks that the summary has."""
     place = len(MAGIC)
-    known = (
-        (
-            one.chunk_start_offset,
-            one.chunk_start_offset + one.chunk_length + one.message_index_length,
-        )
+    known = [
+        (begin, begin + one.chunk_length + one.message_index_length)
         for one in summary.chunks
-    )
-    for begin, end in chain(known, [(summary.start, summary.start)]):
+        for begin in [one.chunk_start_offset]
+    ]
+    for begin, end in [*known, (summary.start, summary.start)]:
         while place + RECORD.size <= begin:
             opcode, length = RECORD.unpack_from(data, place)
             if opcode in (Opcode.CHUNK, Opcode.MESSAGE):
@@ -472,7 +417,3 @@ def _holds_more(data: memoryview, summary: Summary) -> bool:
             place += RECORD.size + length
         place = end
     return False
-
-
-def _listed(compressions: Iterable[str]) -> str:
-    return ", ".join(sorted({*compressions} - {""}))

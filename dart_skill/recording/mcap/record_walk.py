@@ -11,10 +11,11 @@ import struct
 from bisect import bisect_right
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, McapRecord, Schema
+from mcap.records import Channel, Schema
 
 from dart_skill.recording.mcap.records import (
     MAGIC,
@@ -44,8 +45,8 @@ LARGEST_UNPACKED = 2**30
 USUAL_RATIO = 1000
 """Largest ratio of the unpacked content to the file; more is a bomb, which takes hours to read."""
 _ZERO_BLOCK = re.compile(rb"\x00{256,}")
-"""No writer compresses to such a one: it is a block that was not stored when the power failed, or
-that a copy left out.
+"""Pattern of a block that was not stored when the power failed, or that a copy left out: no writer
+compresses to such a one.
 """
 
 
@@ -71,8 +72,8 @@ class Record:
     content: memoryview
     repaired: str = ""
 
-    def parsed(self) -> McapRecord:
-        """What it says, of the kinds of `PARSED`.
+    def parsed(self) -> Any:
+        """What it says, of the kinds of `PARSED` (McapRecord).
 
         Raises
         ------
@@ -93,7 +94,8 @@ class Record:
         DamagedError
         """
         if self.opcode == Opcode.CHUNK:
-            yield from self.chunk().messages()
+            chunk = self.chunk()
+            yield from chunk.messages_in(chunk.unpack())
         elif self.opcode == Opcode.MESSAGE:
             yield from messages_of(RECORD.pack(self.opcode, len(self.content)) + self.content)
 
@@ -125,24 +127,8 @@ class Damage:
     rest: Chunk | None = None
 
 
-@dataclass
-class Unpacked:
-    """What the chunks of a file hold.
-
-    Parameters
-    ----------
-    size
-        What they say [bytes].
-    before
-        Of the files that stand before this one in the same [bytes].
-    """
-
-    size: int = 0
-    before: int = 0
-
-
 def walk(
-    data: memoryview, summary: Summary | None = None, unpacked: Unpacked | None = None
+    data: memoryview, summary: Summary | None = None, before: tuple[int, int] = (0, 0)
 ) -> Iterator[Record | Damage]:
     """Every record of a file's bytes after the magic, in order, and the places between them that
     are damaged.
@@ -153,10 +139,10 @@ def walk(
     ----------
     summary
         Tells where records begin, also behind damage.
-    unpacked
-        So far, if this is one of several files in one.
+    before
+        Bytes that were read before of the same bag, and that their chunks say that they hold.
     """
-    known, unpacked = _known_places(summary), unpacked or Unpacked()
+    known, unpacked = _known_places(summary), before[1]
     place, size = (len(MAGIC) if bytes(data[:8]) == MAGIC else 0), len(data)
     if place == 0:
         place = (
@@ -181,13 +167,10 @@ def walk(
         elif isinstance(found, Damage):
             found = _chunk_at(data, place, found.reason) or _skipped(data, found, known)
         if isinstance(found, Record) and found.opcode == Opcode.CHUNK:
-            unpacked.size += found.chunk().size
-            if unpacked.size > max(LARGEST_UNPACKED, USUAL_RATIO * (unpacked.before + found.end)):
-                reason = (
-                    f"the chunks say that they hold {unpacked.size} bytes, in a file of {size}:"
-                    " the rest is left out"
-                )
-                yield Damage(found.offset, size, reason)
+            unpacked += found.chunk().size
+            if unpacked > max(LARGEST_UNPACKED, USUAL_RATIO * (before[0] + found.end)):
+                told = f"the chunks say that they hold {unpacked} bytes, in a file of {size}:"
+                yield Damage(found.offset, size, f"{told} the rest is left out")
                 return
         yield found
         place = found.end
@@ -286,16 +269,11 @@ def _end_of_first(data: memoryview) -> int:
 
 def _after_the_end(data: memoryview, place: int) -> Damage:
     """What follows a file that is whole by itself."""
-    count = len(data) - place
+    count, zeros = len(data) - place, _zeros(data, place, len(data))
+    text = f"{count} bytes follow the end of the file{zeros}"
     if bytes(data[place : place + len(MAGIC)]) == MAGIC:
-        return Damage(
-            place, len(data), f"another MCAP file of {count} bytes follows the end of this one"
-        )
-    return Damage(
-        place,
-        len(data),
-        f"{count} bytes follow the end of the file" + _zeros(data, place, len(data)),
-    )
+        text = f"another MCAP file of {count} bytes follows the end of this one"
+    return Damage(place, len(data), text)
 
 
 def _zeros(data: memoryview, begin: int, end: int) -> str:
@@ -309,88 +287,62 @@ def _zeros(data: memoryview, begin: int, end: int) -> str:
     )
 
 
-@dataclass
-class Definitions:
-    """What the records of a file define, by kind and number.
-
-    Parameters
-    ----------
-    vouched
-        By a CRC; the first of each number, however often writers repeat it.
-    others
-        All that differ, in order.
-    """
-
-    vouched: dict[tuple[type, int], Schema | Channel] = field(default_factory=dict)
-    others: dict[tuple[type, int], list[Schema | Channel]] = field(default_factory=dict)
-
-    def take(self, record: Schema | Channel, is_vouched: bool) -> None:
-        """Add a definition.
-
-        Parameters
-        ----------
-        is_vouched
-            Whether a CRC does.
-        """
-        key = (type(record), record.id)
-        if is_vouched:
-            self.vouched.setdefault(key, record)
-        elif record not in self.others.setdefault(key, []):
-            self.others[key].append(record)
-
-    def best(self) -> tuple[dict[int, Schema], dict[int, Channel]]:
-        """Schemas and channels by number: those that are vouched for, and else the first."""
-        first = {key: records[0] for key, records in self.others.items()}
-        best = (first | self.vouched).values()
-        schemas = {record.id: record for record in best if isinstance(record, Schema)}
-        return schemas, {record.id: record for record in best if isinstance(record, Channel)}
-
-
 def read_definitions(
     data: memoryview, summary: Summary | None = None
 ) -> tuple[dict[int, Schema], dict[int, Channel]]:
     """Schemas and channels of a file by number: best those of the summary, then those in chunks
-    with a CRC, then the others.
+    with a CRC, then the others; of several the first.
 
     Parameters
     ----------
     data
         The file's bytes.
-    """
-    return all_definitions(data, summary).best()
-
-
-def all_definitions(data: memoryview, summary: Summary | None = None) -> Definitions:
-    """All that a file defines.
-
-    Parameters
-    ----------
-    data
-        Its bytes.
     summary
         As for `walk`.
     """
-    found = Definitions()
+    vouched, others = all_definitions(data, summary)
+    best = ({key: found[0] for key, found in others.items()} | vouched).values()
+    schemas = {one.id: one for one in best if isinstance(one, Schema)}
+    return schemas, {one.id: one for one in best if isinstance(one, Channel)}
+
+
+def all_definitions(
+    data: memoryview, summary: Summary | None = None
+) -> tuple[dict[tuple[type, int], Any], dict[tuple[type, int], list]]:
+    """Schemas and channels of a file by kind and number: the first of those that a CRC vouches
+    for, and all others that differ, in order.
+
+    Parameters
+    ----------
+    data, summary
+        As for `read_definitions`.
+    """
+    vouched: dict[tuple[type, int], Any] = {}
+    others: dict[tuple[type, int], list] = {}
     if summary is not None and summary.has_crc:
-        for schema in summary.schemas.values():
-            found.take(schema, True)
-        for channel in summary.channels.values():
-            found.take(channel, True)
+        told: list[Any] = [*summary.schemas.values(), *summary.channels.values()]
+        vouched = {(type(one), one.id): one for one in told}
         if defines_all(summary):
-            return found
+            return vouched, others
     for item in walk(data, summary):
         if isinstance(item, Damage):
             continue
         if item.opcode == Opcode.CHUNK:
-            chunk = item.chunk()
+            chunk, found = item.chunk(), []
             with suppress(DamagedError):
                 for one in definitions_in(chunk.unpack(), chunk.most_records):
-                    found.take(one, bool(chunk.crc))
-        elif item.opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and isinstance(
-            record := item.parsed(), Schema | Channel
-        ):
-            found.take(record, False)
-    return found
+                    found.append(one)  # also where a damaged record follows
+            if chunk.crc:
+                vouched = {(type(one), one.id): one for one in reversed(found)} | vouched
+                continue
+        elif item.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            found = [item.parsed()]
+        else:
+            continue
+        for one in found:
+            known = others.setdefault((type(one), one.id), [])
+            known += [one] if one not in known else []
+    return vouched, others
 
 
 def definitions_in(raw: bytes, most: int) -> Iterator[Schema | Channel]:
@@ -409,9 +361,7 @@ def definitions_in(raw: bytes, most: int) -> Iterator[Schema | Channel]:
     """
     for opcode, begin, end in records_of(raw, most=most):
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            definition = parse(opcode, raw[begin:end])
-            assert isinstance(definition, Schema | Channel)
-            yield definition
+            yield parse(opcode, raw[begin:end])
 
 
 def _known_places(summary: Summary | None) -> list[int]:
@@ -512,8 +462,12 @@ def _skipped(data: memoryview, damage: Damage, known: list[int]) -> Damage:
     it.
     """
     end = _next_record(data, damage.offset + 1, known)
-    reason = damage.reason + _zeros(data, damage.offset, end)
-    return Damage(damage.offset, end, reason, damage.rest if end == len(data) else None)
+    return Damage(
+        damage.offset,
+        end,
+        (damage.reason + _zeros(data, damage.offset, end)),
+        damage.rest if end == len(data) else None,
+    )
 
 
 def _is_followed(data: memoryview, record: Record) -> bool:

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import mmap
 import struct
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -27,7 +28,6 @@ from mcap.records import (
     AttachmentIndex,
     Channel,
     ChunkIndex,
-    Footer,
     Header,
     McapRecord,
     MetadataIndex,
@@ -47,17 +47,17 @@ PARSED = frozenset(Opcode) - {Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 LARGEST_CHUNK = 2**28
-"""No writer makes larger ones: they are unpacked in memory [bytes]."""
+"""Largest content of a chunk that is unpacked, which is done in memory [bytes]."""
 PIECE = 64
-"""Part of a chunk that was cut off that is unpacked at once; with zstd it becomes 2 MB at most
+"""Size of the pieces in which a chunk that was cut off is unpacked; with zstd one becomes 2 MB at most
 [bytes].
 """
 USUAL_RECORDS = 10_000
 """Number of records that any chunk may have; a larger number needs a compressed byte for each."""
 MOST_UNKNOWN = 64
-"""At the end of a record, of fields that are not known here, where it is searched [bytes]."""
+"""Largest size of unknown fields at the end of a record that is searched [bytes]."""
 READ_AT_ONCE = 2**24
-"""Part of a file that stays in memory while the file is gone through [bytes]."""
+"""Size of the part of a file that stays in memory while the file is gone through [bytes]."""
 # what `mcap` makes of bytes that are no records
 _UNREADABLE = (
     ValueError,
@@ -159,36 +159,27 @@ class Chunk:
         """Most records that a chunk of this size may have; more were made to be slow."""
         return USUAL_RECORDS + len(self.records)
 
-    def messages(self) -> Iterator[Message]:
-        """Its messages.
-
-        Raises
-        ------
-        DamagedError
-        """
-        return self.messages_in(self.unpack())
-
     def messages_in(self, raw: bytes) -> Iterator[Message]:
-        """The same of its records.
+        """The messages among its records.
 
         Parameters
         ----------
         raw
             These, unpacked.
+
+        Raises
+        ------
+        DamagedError
         """
         return messages_of(raw, most=self.most_records)
 
     def messages_of_part(self) -> Iterator[Message]:
         """As many of its messages as a chunk gives that was cut off."""
-        return messages_of(self._unpack_part(), cut_off=True, most=self.most_records)
-
-    def _unpack_part(self) -> bytes:
-        limit = min(self.size, LARGEST_CHUNK)
-        if self.compression == "zstd":
-            return _whole_blocks(zstandard.ZstdDecompressor().decompressobj(), self.records, limit)
-        if self.compression == "lz4":
-            return _whole_blocks(lz4.frame.LZ4FrameDecompressor(), self.records, limit)
-        return bytes(self.records) if not self.compression else b""
+        raw = bytes(self.records) if not self.compression else b""
+        if self.compression in _PARTLY:
+            limit = min(self.size, LARGEST_CHUNK)
+            raw = _whole_blocks(_PARTLY[self.compression](), self.records, limit)
+        return messages_of(raw, cut_off=True, most=self.most_records)
 
 
 @dataclass(frozen=True)
@@ -269,8 +260,8 @@ def crc_of(data: memoryview, end: int) -> int:
     return crc
 
 
-def parse(opcode: int, content: bytes | memoryview, check_crc: bool = True) -> McapRecord:
-    """A record with an opcode of `PARSED`, as `mcap` reads it.
+def parse(opcode: int, content: bytes | memoryview, check_crc: bool = True) -> Any:
+    """A record with an opcode of `PARSED`, as `mcap` reads it (McapRecord).
 
     Parameters
     ----------
@@ -454,9 +445,7 @@ def parse_header(data: bytes | memoryview) -> tuple[Header, int]:
     end = 17 + struct.unpack_from("<Q", data, 9)[0]
     if end > len(data):
         raise DamagedError("the file ends within its header")
-    header = parse(Opcode.HEADER, data[17:end])
-    assert isinstance(header, Header)
-    return header, end
+    return parse(Opcode.HEADER, data[17:end]), end
 
 
 def read_summary(data: memoryview, with_crc: bool = False) -> Summary | None:
@@ -471,30 +460,34 @@ def read_summary(data: memoryview, with_crc: bool = False) -> Summary | None:
     ------
     DamagedError
     """
-    footer = _footer(data)
-    if not footer.summary_start or (with_crc and not footer.summary_crc):
-        return None
+    if len(data) < FOOTER_LENGTH or bytes(data[-8:]) != MAGIC:
+        raise DamagedError("the file has no end")
     end = len(data) - FOOTER_LENGTH
-    if (
-        footer.summary_crc
-        and crc_of(data[footer.summary_start : end + 25], end + 25 - footer.summary_start)
-        != footer.summary_crc
-    ):
+    if RECORD.unpack_from(data, end) != (Opcode.FOOTER, 20):
+        raise DamagedError("the footer is damaged")
+    footer = parse(Opcode.FOOTER, data[-28:-8])
+    start, crc = footer.summary_start, footer.summary_crc
+    if start and not 8 < start <= end:
+        raise DamagedError("the footer points to no summary")
+    if not start or (with_crc and not crc):
+        return None
+    if crc and crc_of(data[start : end + 25], end + 25 - start) != crc:
         raise DamagedError("the summary's CRC does not fit its content")
-    found = list(_summary_records(data, footer.summary_start))
-
-    def of_kind(kind: type) -> list[Any]:
-        return [record for record in found if isinstance(record, kind)]
-
+    found: dict[type, list[Any]] = defaultdict(list)
+    try:
+        for record in StreamReader(BytesIO(data[start:]), skip_magic=True).records:
+            found[type(record)].append(record)
+    except _UNREADABLE as error:
+        raise DamagedError(f"the summary is damaged ({error or type(error).__name__})") from error
     return Summary(
-        footer.summary_start,
-        bool(footer.summary_crc),
-        {schema.id: schema for schema in of_kind(Schema)},
-        {channel.id: channel for channel in of_kind(Channel)},
-        of_kind(ChunkIndex),
-        of_kind(AttachmentIndex),
-        of_kind(MetadataIndex),
-        next(iter(of_kind(Statistics)[-1:]), None),
+        start,
+        bool(crc),
+        {schema.id: schema for schema in found[Schema]},
+        {channel.id: channel for channel in found[Channel]},
+        found[ChunkIndex],
+        found[AttachmentIndex],
+        found[MetadataIndex],
+        next(iter(found[Statistics][-1:]), None),
     )
 
 
@@ -545,25 +538,6 @@ def data_end_before(data: memoryview, place: int) -> int | None:
     return None
 
 
-def _summary_records(data: memoryview, start: int) -> Iterator[McapRecord]:
-    try:
-        yield from StreamReader(BytesIO(data[start:]), skip_magic=True).records
-    except _UNREADABLE as error:
-        raise DamagedError(f"the summary is damaged ({error or type(error).__name__})") from error
-
-
-def _footer(data: memoryview) -> Footer:
-    if len(data) < FOOTER_LENGTH or bytes(data[-8:]) != MAGIC:
-        raise DamagedError("the file has no end")
-    if RECORD.unpack_from(data, len(data) - FOOTER_LENGTH) != (Opcode.FOOTER, 20):
-        raise DamagedError("the footer is damaged")
-    footer = parse(Opcode.FOOTER, data[-28:-8])
-    assert isinstance(footer, Footer)
-    if footer.summary_start and not 8 < footer.summary_start <= len(data) - FOOTER_LENGTH:
-        raise DamagedError("the footer points to no summary")
-    return footer
-
-
 def _whole_blocks(decompressor: Any, data: memoryview, limit: int) -> bytes:
     """What a decompressor gives before the end or the damage of its input, or before it has given
     more than the limit [bytes].
@@ -588,25 +562,20 @@ def _zstd(records: memoryview, size: int) -> bytes:
 
 def _lz4(records: memoryview, size: int) -> bytes:
     # the chunk's size may be what is damaged: then its CRC tells
-    for limit in (
-        size,
-        LARGEST_CHUNK,
-    ):
+    for limit in (size, LARGEST_CHUNK):
         decompressor = lz4.frame.LZ4FrameDecompressor()
         raw: bytes = decompressor.decompress(bytes(records), max_length=limit + 1)
-        if decompressor.eof or len(raw) <= limit:
-            break
-    if not decompressor.eof:
-        raise EOFError(
-            f"it holds more than {LARGEST_CHUNK} bytes"
-            if len(raw) > LARGEST_CHUNK
-            else "its end is missing"
-        )
-    return raw
+        if decompressor.eof:
+            return raw
+        if len(raw) <= limit:
+            raise EOFError("its end is missing")
+    raise EOFError(f"it holds more than {LARGEST_CHUNK} bytes")
 
 
-_DECOMPRESS = {
-    "": lambda records, _size: bytes(records),
-    "zstd": _zstd,
-    "lz4": _lz4,
+_DECOMPRESS = {"": lambda records, _size: bytes(records), "zstd": _zstd, "lz4": _lz4}
+"""What unpacks a chunk of a size."""
+_PARTLY: dict[str, Callable] = {
+    "zstd": lambda: zstandard.ZstdDecompressor().decompressobj(),
+    "lz4": lz4.frame.LZ4FrameDecompressor,
 }
+"""What unpacks the pieces of a chunk."""

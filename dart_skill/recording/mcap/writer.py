@@ -296,7 +296,26 @@ class McapFile:
         groups = [
             (Opcode.SCHEMA, [packed(schema) for schema in self.schemas.values()]),
             (Opcode.CHANNEL, [packed(channel.record) for channel in self.channels.values()]),
-            (Opcode.STATISTICS, [packed(self._statistics())]),
+            (
+                Opcode.STATISTICS,
+                [
+                    packed(
+                        Statistics(
+                            attachment_count=len(self._attachment_indexes),
+                            channel_count=len(self.channels),
+                            channel_message_counts={
+                                number: channel.count for number, channel in self.channels.items()
+                            },
+                            chunk_count=len(self._chunk_indexes),
+                            message_count=self.message_count,
+                            message_end_time=self.end_ns or 0,
+                            message_start_time=self.start_ns or 0,
+                            metadata_count=len(self._metadata_indexes),
+                            schema_count=len(self.schemas),
+                        )
+                    )
+                ],
+            ),
             (Opcode.CHUNK_INDEX, self._chunk_indexes),
             (Opcode.ATTACHMENT_INDEX, map(packed, self._attachment_indexes)),
             (Opcode.METADATA_INDEX, map(packed, self._metadata_indexes)),
@@ -317,10 +336,7 @@ class McapFile:
         head = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start)
         footer = packed(Footer(start, offset_start, crc32(head, crc32(summary))))
         self._append(data_end + bytes(summary) + footer + MAGIC)
-
-    def close(self) -> None:
-        """Close the file as it is."""
-        self.stream.close()
+        self._chunk_indexes.clear()
 
     def _define(self, record: bytes) -> None:
         self._append(record)
@@ -332,21 +348,6 @@ class McapFile:
         for channel, entry in entries.items():
             channel.count += len(entry) // 2
             self.message_count += len(entry) // 2
-
-    def _statistics(self) -> Statistics:
-        return Statistics(
-            attachment_count=len(self._attachment_indexes),
-            channel_count=len(self.channels),
-            channel_message_counts={
-                number: channel.count for number, channel in self.channels.items()
-            },
-            chunk_count=len(self._chunk_indexes),
-            message_count=self.message_count,
-            message_end_time=self.end_ns or 0,
-            message_start_time=self.start_ns or 0,
-            metadata_count=len(self._metadata_indexes),
-            schema_count=len(self.schemas),
-        )
 
     def _append(self, data: bytes) -> None:
         rest = memoryview(data)

@@ -7,9 +7,11 @@ import importlib
 import os
 import shutil
 import struct
+import tracemalloc
 from itertools import pairwise
 
 import lz4.frame
+import numpy as np
 import pytest
 import yaml
 import zstandard
@@ -17,8 +19,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dart_skill.recording import BagError, BagReader, BagWriter, qos_yaml
-from dart_skill.recording.bags import _files, check_bag, recover
-from dart_skill.recording.bags._metadata import load
+from dart_skill.recording.bags import check_bag, files, recover
+from dart_skill.recording.bags.metadata import load
 from dart_skill.recording.mcap import records, walk
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -124,7 +126,10 @@ def test_what_is_left_of_a_bomb_that_was_cut_off_is_not_unpacked_either(tmp_path
         for one in walk(memoryview(path.read_bytes()))
         if getattr(one, "rest", None) is not None
     )
-    assert len(rest._unpack_part()) <= 3 * LIMIT and not list(rest.messages_of_part())
+    tracemalloc.start()
+    assert not list(rest.messages_of_part())
+    assert tracemalloc.get_traced_memory()[1] <= 6 * LIMIT
+    tracemalloc.stop()
 
 
 @pytest.mark.parametrize(
@@ -153,6 +158,19 @@ def test_many_chunks_that_hold_too_much_together_are_left_out(tmp_path, monkeypa
     path = written(tmp_path / "bomb.mcap", schema(), channel(), MESSAGE, *[packed] * 5)
     with pytest.raises(BagError, match="the chunks say that they hold 3000000 bytes"):
         read(path)
+
+
+def test_files_of_one_bag_may_hold_much_together(tmp_path, monkeypatch):
+    """What they hold is compared with the size of all of them."""
+    module = importlib.import_module("dart_skill.recording.mcap.record_walk")
+    monkeypatch.setattr(module, "LARGEST_UNPACKED", 2 * LIMIT)
+    monkeypatch.setattr(module, "USUAL_RATIO", 4)
+    raw = record(0x90, np.random.default_rng(0).bytes(LIMIT - 9))
+    packed = chunk("zstd", len(raw), zstandard.ZstdCompressor().compress(raw))
+    for k in range(4):
+        written(tmp_path / f"bag_{k}.mcap", schema(), channel(), packed, MESSAGE, packed)
+    recovery = recover(tmp_path, tmp_path.parent / f"{tmp_path.name}_kept")
+    assert sum(recovery.messages.values()) == 4 and recovery.n_looked_at == recovery.n_bytes
 
 
 @pytest.mark.parametrize(
@@ -263,8 +281,8 @@ def test_a_type_that_cannot_be_is_named_and_the_others_are_known(tmp_path):
 
 
 def test_a_compressed_file_that_unpacks_to_far_more_is_not_put_on_the_disk(tmp_path, monkeypatch):
-    monkeypatch.setattr(_files, "LARGEST_UNPACKED", LIMIT)
-    monkeypatch.setattr(_files, "USUAL_RATIO", 10)
+    monkeypatch.setattr(files, "LARGEST_UNPACKED", LIMIT)
+    monkeypatch.setattr(files, "USUAL_RATIO", 10)
     (tmp_path / "bag").mkdir()
     (tmp_path / "bag" / "bag_0.mcap.zstd").write_bytes(PACKED["zstd"])
     (tmp_path / "bag" / "metadata.yaml").write_text(

@@ -2,6 +2,8 @@
 is said.
 """
 
+from itertools import product
+
 import numpy as np
 import pytest
 import scipy.ndimage
@@ -14,8 +16,8 @@ from dart_skill.recording.bags import (
     serialize,
     typestore,
 )
-from dart_skill.recording.grip_signal import read_command, read_commands
 from dart_skill.recording.imports.pose_faults import usual_steps
+from dart_skill.recording.signals import read_command, read_commands
 
 TYPES = typestore()
 RNG = np.random.default_rng(0)
@@ -126,7 +128,9 @@ def test_the_other_order_of_bytes_is_left_to_rosbags():
 def command(stamp_ns, force=0.0, grip=0, frame="world"):
     content = {
         "header": header_content(stamp_ns, frame),
-        "wrench": {"force": {"x": force}},
+        # the first number of the wrench, or the last one
+        "wrench": {"force": {"x": force}} if grip == 1 else {"torque": {"z": force}},
+        "joint_torque": np.ones(7),
         "grip": grip,
     }
     return serialize(TYPES, COMMAND, content)
@@ -138,17 +142,11 @@ def command(stamp_ns, force=0.0, grip=0, frame="world"):
     ids=["one frame", "two frames", "no frame"],
 )
 def test_many_commands_say_what_each_of_them_says(frames):
-    stamps = [-1, 0, 5, 1_732_500_000_123_456_789]
-    payloads = [
-        command(stamp, force, grip, frame)
-        for stamp in stamps
-        for force in (0.0, 2.5)
-        for grip in (0, 2)
-        for frame in frames
-    ]
-    assert list(zip(*(column.tolist() for column in read_commands(payloads)), strict=True)) == [
-        read_command(one) for one in payloads
-    ]
+    every = list(product([-1, 0, 5, 1_732_500_000_123_456_789], (0.0, -2.5), (0, 1, 2), frames))
+    payloads = [command(*one) for one in every]
+    told = [(stamp, force != 0.0, grip) for stamp, force, grip, _ in every]
+    assert [read_command(one) for one in payloads] == told
+    assert list(zip(*map(np.ndarray.tolist, read_commands(payloads)), strict=True)) == told
 
 
 def test_of_no_commands_there_is_nothing_and_of_other_bytes_an_error():

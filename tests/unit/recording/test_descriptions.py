@@ -13,7 +13,7 @@ from mcap.writer import CompressionType, IndexType
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from dart_skill.recording import BagError, BagReader, deserialize, message, serialize, typestore
+from dart_skill.recording import BagError, BagReader, deserialize, message, serialize
 from dart_skill.recording.bags import check_bag, check_file, describe
 from tests.unit.recording.bag_files import (
     POSE,
@@ -561,9 +561,3 @@ def test_profile_and_parts_of_the_summary_are_optional(tmp_path, profile, option
     assert notes == [
         f"its profile is '{profile}', not 'ros2': other tools may not take it for a bag of ROS 2"
     ]
-
-
-def test_standard_types_are_those_that_were_given(tmp_path):
-    given = typestore()
-    file = sqlite_file(tmp_path / "a.db3", [("/p", POSE, "", "cdr")], POSES)
-    assert [one.data.pose.position.x for one in read(file, types=given)] == [3.0] * 20

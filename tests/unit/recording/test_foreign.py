@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 from dart_skill.recording import (
     BagError,
     BagReader,
-    read_command,
     serialize,
     typestore,
 )
@@ -176,12 +175,6 @@ def test_an_offset_is_that_of_our_frame_in_the_tracked_body(tmp_path, poses):
     mapping = topics()
     mapping["hand"] |= {"offset": offset}
     assert_poses(read_recording(bag, parse_mapping(mapping)), poses)
-
-
-def test_a_clock_can_be_shifted(tmp_path, poses):
-    bag = write_bag(tmp_path / "bag", pose_messages(KINDS[0], poses))
-    recording = read_recording(bag, parse_mapping({"axes": {"time_shift": -0.25}, **topics()}))
-    np.testing.assert_array_equal(recording.bodies["hand"].stamp_ns, STAMPS - 250_000_000)
 
 
 def test_a_basket_that_was_not_tracked_stands_where_the_mapping_says(tmp_path, poses):
@@ -401,15 +394,6 @@ def csv_mapping(role):
     }
 
 
-def test_empty_cells_are_a_body_that_was_not_seen(tmp_path, poses):
-    write_csv(tmp_path / "throws.csv", poses, lost={("ball", k) for k in range(50, 60)})
-    mapping = {role: csv_mapping(role) for role in ROLES}
-    recording = read_recording(tmp_path, parse_mapping(mapping))
-    assert [(fault.kind, fault.body, fault.count) for fault in recording.faults] == [
-        ("gap", "ball", 10)
-    ]
-
-
 def test_joints_and_instants_from_tables(tmp_path, poses):
     write_csv(tmp_path / "throws.csv", poses)
     rows = [
@@ -467,85 +451,7 @@ def test_broken_tables_name_file_and_line(tmp_path, text, message):
         read_recording(tmp_path, parse_mapping({role: csv_mapping("hand") for role in ROLES}))
 
 
-def write_motive(
-    path, poses, extra_rows=(), units="Millimeters", bodies=ROLES, rotation="Quaternion"
-):
-    """A Motive export: two rigid bodies' worth of columns per body, its pose and the mean error,
-    and a marker of it.
-    """
-    about = (
-        f"Format Version,1.23,Take Name,throws,Rotation Type,{rotation},Length"
-        f" Units,{units},Coordinate Space,Global"
-    )
-    kind, name, what, axis = ["", "Type"], ["", "Name"], ["", ""], ["Frame", "Time (Seconds)"]
-    for body in bodies:
-        kind += ["Rigid Body"] * 8 + ["Rigid Body Marker"] * 3
-        name += [body] * 8 + [f"{body}:Marker1"] * 3
-        what += ["Rotation"] * 4 + ["Position"] * 3 + ["Mean Marker Error"] + ["Position"] * 3
-        axis += ["X", "Y", "Z", "W", "X", "Y", "Z", "", "X", "Y", "Z"]
-    lines = [
-        about,
-        "",
-        *(",".join(row) for row in (kind, name)),
-        *extra_rows,
-        ",".join(what),
-        ",".join(axis),
-    ]
-    for k, stamp in enumerate(STAMPS):
-        cells = [str(k), f"{(stamp - START_NS) * 1e-9:.6f}"]
-        for role in ROLES:
-            p, q = poses[role][0][k], poses[role][1][k]
-            seen = [*map(repr, map(float, [*q, *p])), "0.1", "9", "9", "9"]
-            cells += [""] * 11 if role == "ball" and k in (7, 8) else seen
-        lines.append(",".join(cells))
-    path.write_text("\ufeff" + "\r\n".join(lines) + "\r\n", encoding="utf-8")
-
-
-@pytest.mark.parametrize("rows", [(), (',ID,"4CF0"', ",Parent,"), (",ID",)])
-def test_an_export_of_motive_needs_no_columns(tmp_path, poses, rows):
-    write_motive(
-        tmp_path / "take.csv", {role: to_laboratory(*poses[role]) for role in ROLES}, rows
-    )
-    mapping = {
-        "axes": {"up": "y", "transform": TO_WORLD},
-        **{role: {"motive": "take.csv"} for role in ROLES},
-    }
-    recording = read_recording(tmp_path, parse_mapping(mapping))
-    np.testing.assert_allclose(recording.bodies["hand"].position, poses["hand"][0], atol=1e-9)
-    np.testing.assert_array_equal(recording.bodies["hand"].stamp_ns, STAMPS - START_NS)
-    assert [(fault.kind, fault.body, fault.count) for fault in recording.faults] == [
-        ("gap", "ball", 2)
-    ]
-
-
-def test_what_is_no_export_of_motive_says_what_is_missing(tmp_path, poses):
-    mapping = parse_mapping({role: {"motive": "take.csv", "body": "Hand"} for role in ROLES})
-    write_motive(tmp_path / "take.csv", poses)
-    with pytest.raises(
-        ValueError, match="nothing is called 'Hand' in it, only hand, hand:Marker1, ball"
-    ):
-        read_recording(tmp_path, mapping)
-    (tmp_path / "take.csv").write_text("t,x\n0,1\n")
-    with pytest.raises(ValueError, match="no export of a motion capture program that is known"):
-        read_recording(tmp_path, mapping)
-
-
 # axes
-
-
-def test_y_up_axes_are_turned_about_x():
-    """x stays, up (y) becomes z, and what comes towards the viewer (z) becomes -y; a body turned
-    about up stays turned about up.
-    """
-    stream = PoseStream(
-        "hand", np.arange(3), np.eye(3), np.tile(Rotation.from_euler("y", 0.3).as_quat(), (3, 1))
-    )
-    up = transformed(
-        stream, RigidTransform(quaternion=np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]))
-    )
-    np.testing.assert_allclose(up.position, [[1, 0, 0], [0, 0, 1], [0, -1, 0]], atol=1e-15)
-    about = Rotation.from_quat(up.quaternion) * Rotation.from_euler("x", 90.0, degrees=True).inv()
-    np.testing.assert_allclose(about.as_rotvec(), np.tile([0.0, 0.0, 0.3], (3, 1)), atol=1e-12)
 
 
 def test_poses_are_turned_and_moved_as_rotations_do_and_faulty_norms_stay_what_they_are():
@@ -603,15 +509,6 @@ def test_poses_in_axes_that_point_anywhere_become_ours(tmp_path, poses, xyz):
     }
     bag = write_bag(tmp_path / "bag", pose_messages(KINDS[0], lab))
     assert_poses(read_recording(bag, parse_mapping({"axes": {"xyz": xyz}, **topics()})), poses)
-
-
-def test_a_clock_that_runs_fast_can_be_told(tmp_path, poses):
-    bag = write_bag(tmp_path / "bag", pose_messages(KINDS[0], poses))
-    recording = read_recording(
-        bag, parse_mapping({"axes": {"time_drift": -1e-3, "time_shift": 1.0}, **topics()})
-    )
-    slower = STAMPS + 1_000_000_000 - ((STAMPS - STAMPS[0]) / 1000).astype(int)
-    np.testing.assert_array_equal(recording.bodies["hand"].stamp_ns, slower)
 
 
 def test_signs_are_made_continuous():
@@ -831,19 +728,3 @@ def test_a_body_without_a_single_pose_is_named(tmp_path, poses):
     bag = write_bag(tmp_path / "bag", pose_messages("geometry_msgs/msg/TransformStamped", poses))
     with pytest.raises(ValueError, match="/lab/hand: no pose of the hand: was it tracked"):
         read_recording(bag, parse_mapping(topics(child="glove")))
-
-
-def test_grips_are_found_in_serialised_commands(types):
-    """The offsets at which a command is looked into are those of the type's definition, whatever
-    the frame is called.
-    """
-    for frame_id in ("", "w", "world", "a_longer_name"):
-        for grip, force in ((0, 0.0), (1, -2.0), (2, 1e-9)):
-            content = {
-                "header": header(12_345_678_901, frame_id),
-                "wrench": {"torque": {"z": force}},
-                "joint_torque": np.ones(7),
-                "grip": grip,
-            }
-            data = serialize(types, "dart_skill_msgs/msg/WamCommand", content)
-            assert read_command(data) == (12_345_678_901, force != 0.0, grip)

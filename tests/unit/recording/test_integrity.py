@@ -14,7 +14,6 @@ from mcap.writer import CompressionType, IndexType
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from dart_skill.recording import (
-    BagError,
     BagReader,
     BagWriter,
     definition,
@@ -23,7 +22,7 @@ from dart_skill.recording import (
     type_hash,
     typestore,
 )
-from dart_skill.recording.bags import Finding, check_bag, check_file, describe
+from dart_skill.recording.bags import check_bag, check_file, describe
 from dart_skill.recording.mcap.records import packed
 from tests.unit.recording.bag_files import mcap_file
 
@@ -277,19 +276,6 @@ def test_a_file_that_the_metadata_names_and_that_is_missing_is_an_error(bag):
     assert "bag_1.mcap: the file is missing" in found
 
 
-def test_a_metadata_file_that_is_missing_or_damaged_is_found(bag):
-    (bag / "metadata.yaml").write_text("a: [")
-    assert (
-        texts(check_bag(bag)) == []
-        and "metadata.yaml is no YAML" in texts(check_bag(bag), "warning")[0]
-    )
-    (bag / "metadata.yaml").unlink()
-    assert (
-        texts(check_bag(bag)) == []
-        and "there is no metadata.yaml" in texts(check_bag(bag), "warning")[0]
-    )
-
-
 def test_files_of_different_bags_in_a_folder_are_found(tmp_path, bag):
     other = record(tmp_path / "other")
     shutil.copy(other / "other_0.mcap", bag)
@@ -379,20 +365,6 @@ def test_an_empty_bag_is_told(tmp_path):
     assert "no such bag" in texts(check_bag(tmp_path / "nothing"))[0]
     (tmp_path / "x_0.mcap").write_bytes(b"")
     assert "empty (0 bytes)" in texts(check_file(tmp_path / "x_0.mcap"))[0]
-
-
-def test_random_bytes_are_found(tmp_path):
-    (tmp_path / "random.mcap").write_bytes(np.random.default_rng(0).bytes(50_000))
-    assert "the file magic is invalid" in " ".join(texts(check_file(tmp_path / "random.mcap")))
-    with pytest.raises(BagError, match="magic is invalid"):
-        BagReader(tmp_path / "random.mcap")
-
-
-def test_a_finding_reads_as_a_sentence_and_is_data():
-    finding = Finding("error", "bag_0.mcap", "it is bad", "delete it")
-    assert str(finding) == "error: bag_0.mcap: it is bad (delete it)"
-    with pytest.raises(AttributeError):
-        finding.severity = "note"
 
 
 def test_a_bag_is_described_in_json(bag):

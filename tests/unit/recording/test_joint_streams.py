@@ -199,6 +199,19 @@ def test_joints_that_come_in_two_messages_are_put_together():
     assert "come in messages of their own" in text
 
 
+def test_joints_that_come_now_and_then_are_between_their_messages_and_unknown_over_a_pause():
+    seldom = [k for k in range(0, N, 4) if not 80 < k < 240]
+    stream, text = read(
+        [said(k, NAMES[:4], ANGLES[k][:4], SPEEDS[k][:4]) for k in range(N)]
+        + [said(k, NAMES[4:], ANGLES[k][4:], SPEEDS[k][4:]) for k in seldom]
+    )
+    known = [k for k in range(seldom[-1] + 1) if not 80 < k < 240]
+    np.testing.assert_array_equal(stream.stamp_ns, STAMPS[known])
+    between = np.interp(STAMPS[known], STAMPS[seldom], ANGLES[seldom, 6])
+    np.testing.assert_allclose(stream.position[:, 6], between, atol=1e-12)
+    assert f"{N - len(known)} states lack the position of a joint" in text
+
+
 @pytest.mark.parametrize("change", [{"names": NAMES[::-1]}, {"frame": "sim"}])
 def test_two_that_contradict_each_other_are_refused_with_the_line_that_chooses(change):
     messages = [

@@ -18,7 +18,7 @@ from dart_skill.recording import (
     type_hash,
     typestore,
 )
-from dart_skill.recording.bags import _message_check, check_bag, recover
+from dart_skill.recording.bags import check_bag, columns, recover
 from dart_skill.recording.imports import read_in_parts, read_recording
 from dart_skill.recording.mcap import (
     McapFile,
@@ -27,7 +27,7 @@ from dart_skill.recording.mcap import (
     read_summary,
     walk,
 )
-from dart_skill.session._finding import found_in
+from dart_skill.session import found_in
 from dart_skill.skills.observation import THRESHOLDS
 from tests.paths import ROOT
 from tests.recorded_session import same
@@ -157,7 +157,7 @@ def test_pages_of_a_file_are_given_back_once_they_were_read(tmp_path, monkeypatc
     for number in range(20):
         file.add_attachment(f"{number}", "x", bytes(2**20))
     file.finish()
-    file.close()
+    file.stream.close()
 
     def held():
         lines = Path("/proc/self/status").read_text().splitlines()
@@ -176,9 +176,9 @@ def test_pages_of_a_file_are_given_back_once_they_were_read(tmp_path, monkeypatc
 
 def test_a_check_decodes_only_what_differs_in_more_than_stamp_and_numbers(bags, monkeypatch):
     decoded = []
-    original = _message_check.deserialize
+    original = columns.deserialize
     monkeypatch.setattr(
-        _message_check,
+        columns,
         "deserialize",
         lambda types, name, data: decoded.append(name) or original(types, name, data),
     )

@@ -20,7 +20,6 @@ from scipy.spatial.transform import Rotation
 from dart_skill.recording.lerobot import (
     DatasetWriter,
     Feature,
-    _format,
     at_frames,
     changes_at,
     frame_times,
@@ -29,6 +28,7 @@ from dart_skill.recording.lerobot import (
     read_dataset,
     seen_at,
     turned_at_frames,
+    writer,
 )
 
 STATE, ACTION = (
@@ -251,8 +251,8 @@ def test_statistics_are_those_of_all_frames(written):
 
 
 def test_a_full_file_is_followed_by_another_one(tmp_path, monkeypatch):
-    monkeypatch.setattr(_format, "DATA_MB", 2e-4)
-    monkeypatch.setattr(_format, "CHUNK_SIZE", 2)
+    monkeypatch.setattr(writer, "DATA_MB", 2e-4)
+    monkeypatch.setattr(writer, "CHUNK_SIZE", 2)
     with DatasetWriter(tmp_path / "many", FPS, "an_arm", [STATE, ACTION]) as dataset:
         for _ in range(3):
             dataset.add("task", frames_of(0))

@@ -913,6 +913,12 @@ def test_joints_of_a_skeleton_are_where_its_angles_put_them(tmp_path, indent):
 # --- what is no such file ---
 
 
+def test_what_a_file_does_not_hold_is_named_with_what_it_does(tmp_path, poses):
+    write_motive(tmp_path, poses)
+    with pytest.raises(ValueError, match="nothing is called 'Glove' in it, only Hand, .*Ball"):
+        read(tmp_path, up="y", hand={"body": "Glove"})
+
+
 @pytest.mark.parametrize(
     ("file", "message"),
     [

@@ -162,7 +162,7 @@ def test_definitions_that_the_summary_lacks_are_those_of_the_records(
     assert (
         recovery.messages == {"/p": 10, "/again": 10, "/t": 10}
         and recovery.is_complete
-        and recovery.repairs == ()
+        and recovery.repairs == []
     )
     assert severe(recovery.path) == []
 

@@ -33,10 +33,10 @@ def leaping(where, turn):
     "where", [TIME % 2.0 < 0.5, (TIME > 1.0) & (TIME < 1.2), np.arange(N) % 9 == 0, TIME > 4.0]
 )
 def test_stretches_that_leapt_are_brought_back(where, turn):
-    found = find_leaps(leaping(where, turn))
-    np.testing.assert_array_equal(found.leapt, where)
-    assert found.is_clear and found.angle == pytest.approx(np.linalg.norm(turn), abs=0.05)
-    apart = TURN.inv() * Rotation.from_quat(found.mended(leaping(where, turn)).quaternion)
+    mended, leapt, angle = find_leaps(leaping(where, turn))
+    np.testing.assert_array_equal(leapt, where)
+    assert angle == pytest.approx(np.linalg.norm(turn), abs=0.05)
+    apart = TURN.inv() * Rotation.from_quat(mended.quaternion)
     assert apart.magnitude().max() < 0.05
 
 
@@ -53,8 +53,8 @@ def test_smooth_orientations_and_lone_outliers_are_left_alone():
 
 
 def test_of_two_solutions_that_were_seen_alike_nothing_tells_which_is_right():
-    found = find_leaps(leaping(TIME % 1.0 < 0.5, [0.0, 0.0, np.pi]))
-    assert found is not None and not found.is_clear
+    _, (fault,) = repair({"hand": leaping(TIME % 1.0 < 0.5, [0.0, 0.0, np.pi])})
+    assert fault.kind == "leap" and not fault.repaired and "nothing tells" in fault.message
 
 
 def test_a_recording_is_mended_and_says_so():

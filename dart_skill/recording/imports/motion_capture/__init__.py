@@ -8,15 +8,17 @@ import numpy as np
 
 from dart_skill.common.files import open_file
 from dart_skill.recording.imports.mapping import CaptureFile, PoseSource
+from dart_skill.recording.imports.motion_capture._bvh import read_bvh
 from dart_skill.recording.imports.motion_capture._capture import Capture, poses_of
-from dart_skill.recording.imports.motion_capture._exported_tables import (
+from dart_skill.recording.imports.motion_capture._exports import (
     looks_like_qualisys,
     looks_like_vicon,
+    read_c3d,
     read_qualisys,
+    read_trc,
     read_vicon,
 )
 from dart_skill.recording.imports.motion_capture._motive import looks_like_motive, read_motive
-from dart_skill.recording.imports.motion_capture._open_formats import read_bvh, read_c3d, read_trc
 from dart_skill.recording.imports.pose_stream import Axes
 from dart_skill.recording.imports.text_files import TextFile
 

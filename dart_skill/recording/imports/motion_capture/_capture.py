@@ -38,8 +38,7 @@ FEWEST_MARKERS = 3
 MOST_NAMES = 40
 """Most names that are listed in an error."""
 MEASURED = "Marker"
-"""The kind of markers that cameras saw; others of the same name are where a program expects them.
-"""
+"""Kind of markers that cameras saw; others of the same name are where a program expects them."""
 
 
 @dataclass(frozen=True)
@@ -124,16 +123,14 @@ def poses_of(
     chosen = _chosen(capture, where.capture)
     if refusal := next((body.refusal for body in chosen if body.refusal), ""):
         raise capture.error(f"'{chosen[0].name}': {refusal}")
-    scale = LENGTH_UNITS[
-        agreed(
-            capture,
-            "length",
-            capture.length,
-            where.length if "length" in where.told else "",
-            LENGTH_UNITS,
+    said = where.length if "length" in where.told else ""
+    scale = LENGTH_UNITS[agreed(capture, "length", capture.length, said, LENGTH_UNITS)]
+    axes = where.axes if where.told & {"up", "xyz"} else capture.axes
+    if axes is None:
+        raise capture.error(
+            "the file does not say which axis points up: add 'up:' to the mapping, one of"
+            f" {', '.join(UP_AXES)} (y is the default of Motive)"
         )
-    ]
-    axes = _axes(capture, where)
     body = _with_turn(capture, chosen[0], where.capture.rotation)
     stamps, numbers = capture.read(
         [place for one in chosen for place in (*one.position, *one.rotation)]
@@ -252,43 +249,27 @@ def length_told(text: str) -> str:
     )
 
 
-def _axes(capture: Capture, where: PoseSource) -> Axes:
-    is_told = bool(where.told & {"up", "xyz"})
-    if is_told or capture.axes is None:
-        if not is_told:
-            hint = (
-                f"add 'up:' to the mapping, one of {', '.join(UP_AXES)} (y is the default of"
-                " Motive)"
-            )
-            raise capture.error(f"the file does not say which axis points up: {hint}")
-        return where.axes
-    return capture.axes
-
-
 def _chosen(capture: Capture, wanted: CaptureFile) -> list[Body]:
     """The body, or the markers, that a mapping names."""
     if wanted.markers:
-        return [_marker(capture, name) for name in wanted.markers]
+        unturned = {
+            name: [one for one in _named(capture, name) if not one.rotation]
+            for name in wanted.markers
+        }
+        return [_the_one(capture, name, _measured(of)) for name, of in unturned.items()]
     found = _named(capture, wanted.body)
-    found = (
-        [one for one in found if one.rotation]
-        or [one for one in found if one.kind == MEASURED]
-        or found
-    )
-    if not found and (
-        markers := [
-            one
-            for one in capture.bodies
-            if not one.rotation and one.name.startswith(f"{wanted.body}:")
-        ]
-    ):
-        return [one for one in markers if one.kind == MEASURED] or markers
-    return [_the_one(capture, wanted.body, found)]
+    found = [one for one in found if one.rotation] or _measured(found)
+    markers = [
+        one
+        for one in capture.bodies
+        if not one.rotation and one.name.startswith(f"{wanted.body}:")
+    ]
+    return [_the_one(capture, wanted.body, found)] if found or not markers else _measured(markers)
 
 
-def _marker(capture: Capture, name: str) -> Body:
-    found = [one for one in _named(capture, name) if not one.rotation]
-    return _the_one(capture, name, [one for one in found if one.kind == MEASURED] or found)
+def _measured(bodies: list[Body]) -> list[Body]:
+    """Those of some bodies that are markers which cameras saw; all of them if none is."""
+    return [one for one in bodies if one.kind == MEASURED] or bodies
 
 
 def _named(capture: Capture, name: str) -> list[Body]:
@@ -312,39 +293,27 @@ def _the_one(capture: Capture, name: str, found: list[Body]) -> Body:
             f"nothing is called '{name}' in it, only"
             f" {', '.join(names[:MOST_NAMES]) or 'nothing at all'}{more}"
         )
-    other = (
-        [one.ident for one in found]
-        if len({one.ident for one in found}) == len(found)
-        else [one.name for one in found]
-    )
-    if len(set(other)) == len(found):
-        raise capture.error(
-            f"{len(found)} bodies are called '{name}': name one of {', '.join(other)} instead"
-        )
-    raise capture.error(
-        f"{len(found)} bodies are called '{name}': give them different names in the program, and"
-        " export it again"
-    )
+    remedy = "give them different names in the program, and export it again"
+    for others in ([one.name for one in found], [one.ident for one in found]):
+        if len(set(others)) == len(found):
+            remedy = f"name one of {', '.join(others)} instead"
+    raise capture.error(f"{len(found)} bodies are called '{name}': {remedy}")
 
 
 def _with_turn(capture: Capture, body: Body, said: tuple[str, ...]) -> Body:
     """The body with how its orientation is told, by the file or by the words of the mapping."""
-    if not body.rotation:
-        return body
     kind = next((word for word in said if word in ROTATIONS), "")
     unit = next((word for word in said if word in ANGLE_UNITS), "")
-    if len(body.rotation) != 3 and (kind or unit):
+    if body.rotation and len(body.rotation) != 3 and said:
         raise capture.error(
             f"rotation is '{kind or unit}' in the mapping, but '{body.name}' has a {body.turn} in"
             " the file: leave it out"
         )
     if len(body.rotation) != 3:
         return body
-    if not (body.turn or kind) or not (body.angle or unit):
-        missing = [
-            *([] if body.turn or kind else [f"one of {', '.join(ROTATIONS)}"]),
-            *([] if body.angle or unit else ["rad or deg"]),
-        ]
+    missing = [] if body.turn or kind else [f"one of {', '.join(ROTATIONS)}"]
+    missing += [] if body.angle or unit else ["rad or deg"]
+    if missing:
         raise capture.error(
             f"the file does not say how '{body.name}' is turned: add 'rotation:' to the mapping,"
             f" {', and '.join(missing)}"
@@ -356,9 +325,10 @@ def _with_turn(capture: Capture, body: Body, said: tuple[str, ...]) -> Body:
 
 
 def _seen(capture: Capture, position: np.ndarray) -> np.ndarray:
-    """Positions (..., 3) that are nan where nothing was seen."""
-    lost = (position == 0.0).all(axis=-1, keepdims=True) & capture.zero_is_lost
-    return np.where(lost | ~np.isfinite(position).all(axis=-1, keepdims=True), np.nan, position)
+    """Positions (..., 3) that are nan where nothing was seen, of which most programs write zeros."""
+    seen = np.isfinite(position).all(axis=-1)
+    seen &= (position != 0.0).any(axis=-1) | (not capture.zero_is_lost)
+    return np.where(seen[..., None], position, np.nan)
 
 
 def _quaternions(numbers: np.ndarray, body: Body) -> np.ndarray:
@@ -376,18 +346,15 @@ def _quaternions(numbers: np.ndarray, body: Body) -> np.ndarray:
     if body.turn == "matrix":
         matrices = numbers.reshape(-1, 3, 3).transpose(0, 2, 1)
         known &= np.linalg.det(np.where(known[:, None, None], matrices, np.eye(3))) > 0.5
-        found[known] = Rotation.from_matrix(matrices[known]).as_quat()
+        turned = Rotation.from_matrix(matrices[known])
+    elif not known.any():
         return found
-    angles = ANGLE_UNITS[body.angle] * numbers[known]
-    if not len(angles):
-        return found
-    sequence = ROTATIONS[body.turn]
-    about = ["xyz".index(axis) for axis in sequence.lower()]
-    turned = (
-        Rotation.from_euler(sequence, angles[:, about])
-        if sequence
-        else Rotation.from_rotvec(angles)
-    )
+    else:
+        angles, sequence = ANGLE_UNITS[body.angle] * numbers[known], ROTATIONS[body.turn]
+        order = ["xyz".index(axis) for axis in sequence.lower()]
+        turned = Rotation.from_rotvec(angles)
+        if sequence:
+            turned = Rotation.from_euler(sequence, angles[:, order])
     found[known] = turned.as_quat()
     return found
 
@@ -446,16 +413,3 @@ def _shape(markers: np.ndarray) -> np.ndarray:
         np.einsum("nij,nkj->nki", axes, markers - markers.mean(axis=1, keepdims=True)), axis=0
     )
     return shape - shape.mean(axis=0)
-
-
-def of_frames(rate: float, frames: np.ndarray) -> np.ndarray:
-    """Stamps (n,) [ns] of frames.
-
-    Parameters
-    ----------
-    rate
-        Frames per second [1/s].
-    frames
-        Their numbers (n,).
-    """
-    return np.rint(frames * (1e9 / rate)).astype(np.int64)

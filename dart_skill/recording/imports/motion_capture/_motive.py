@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import takewhile
+from itertools import islice, takewhile
 
 import numpy as np
 
@@ -42,13 +42,29 @@ KEYS = (
 )
 """Words of the first line, in small letters; a name or a note between them may hold commas."""
 MOST_HEADER_ROWS = 60
-"""No header is longer."""
+"""Largest number of lines of a header."""
 KINDS = ("rigid body", "bone", "marker")
 """Words of which each type of column has one, in small letters."""
 LABELS = ("type", "name", "id", "parent")
 """What the lines above the numbers are called, in small letters."""
+
+
 OLD_BODY = 11
-"""Cells of a body in a line of the old format: number, position, quaternion, three angles."""
+"""Number of cells of a body in a line of the old format: number, position, quaternion, three
+angles.
+"""
+REFUSALS = {
+    "global": "",
+    "local": (
+        "the positions of bones are relative to their parents: export it with world coordinates"
+        " (Coordinate Space: Global)"
+    ),
+}
+"""Why a bone cannot be used, by what is told of the coordinate space."""
+UNTOLD_SPACE = (
+    "the file does not say its Coordinate Space: add 'space: global' to the mapping if bones are in"
+    " the axes of the world"
+)
 
 
 def read_motive(file: TextFile, where: CaptureFile, unit: str) -> Capture:
@@ -82,11 +98,13 @@ def read_motive(file: TextFile, where: CaptureFile, unit: str) -> Capture:
             " name the columns"
         )
     about = _about(file, head)
-    bodies = _bodies(file, head, about, where)
-    timing = _timing(file, head, about, where, unit)
-    rows = partial(file.rows, numbers.number - 1)
-    length = length_told(about.get("length units", ""))
-    return capture_of_rows(file, rows, timing, bodies, length)
+    return capture_of_rows(
+        file,
+        partial(file.rows, numbers.number - 1),
+        _timing(file, head, about, where, unit),
+        _bodies(file, head, about, where),
+        length_told(about.get("length units", "")),
+    )
 
 
 def looks_like_motive(lines: Sequence[str]) -> bool:
@@ -115,17 +133,11 @@ def looks_like_motive(lines: Sequence[str]) -> bool:
 def _head(file: TextFile) -> tuple[list[TextRow], TextRow | None]:
     """Rows above the numbers, and the first row of numbers."""
     head: list[TextRow] = []
-    for row in file.rows():
-        first = row.cells[0].strip()
-        if (
-            len(row.cells) > 1
-            and first
-            and first.replace(",", "").replace(".", "").lstrip("-").isdigit()
-        ):
+    for row in islice(file.rows(), MOST_HEADER_ROWS):
+        first = row.cells[0].strip().replace(",", "").replace(".", "").lstrip("-")
+        if len(row.cells) > 1 and first.isdigit():
             return head, row
         head.append(row)
-        if len(head) > MOST_HEADER_ROWS:
-            break
     return head, None
 
 
@@ -153,9 +165,12 @@ def _bodies(
     *above, what, axes = [row.cells for row in head]
     above = [cells for cells in above if not cells[0].strip() and len(cells) > 2]
     labelled = {cells[1].strip().lower(): cells for cells in above}
-    types = labelled.get("type") or next(
-        (cells for cells in above if any(_is_kind(cell) for cell in cells[2:])), []
-    )
+    kinds = [
+        cells
+        for cells in above
+        if any(kind in cell.lower() for kind in KINDS for cell in cells[2:])
+    ]
+    types = labelled.get("type") or next(iter(kinds), [])
     others = [
         cells
         for cells in above
@@ -178,22 +193,22 @@ def _bodies(
             latest[key] += 1
         groups.setdefault((*key, latest[key]), {})[column] = place
     turn = about.get("rotation type", "").upper()
-    found = (
-        _body(kind, name or str(number), ident, columns, turn if turn in EULER_ORDERS else "")
-        for number, ((kind, name, ident, _), columns) in enumerate(groups.items(), 1)
-    )
     space = about.get("coordinate space", "").lower()
     if where.space and space == "local":
         raise file.error("space is 'global' in the mapping, but the file itself says 'Local'")
-    return tuple(_refused(body, space or where.space) for body in found if body)
+    turn = turn if turn in EULER_ORDERS else ""
+    found = []
+    for number, ((kind, name, ident, _), columns) in enumerate(groups.items(), 1):
+        body = _body(kind, name or str(number), ident, columns, turn)
+        if body is not None:
+            is_bone = kind.lower().endswith("bone")
+            refusal = REFUSALS.get(space or where.space, UNTOLD_SPACE) if is_bone else ""
+            found.append(replace(body, refusal=refusal))
+    return tuple(found)
 
 
 def _cell(cells: Sequence[str], place: int) -> str:
     return cells[place].strip() if place < len(cells) else ""
-
-
-def _is_kind(cell: str) -> bool:
-    return any(kind in cell.lower() for kind in KINDS)
 
 
 def _body(
@@ -229,23 +244,6 @@ def _body(
     )
 
 
-def _refused(body: Body, space: str) -> Body:
-    """The body, with the reason if its columns may tell of it against its parent."""
-    if not body.kind.lower().endswith("bone") or space == "global":
-        return body
-    if space == "local":
-        refusal = (
-            "the positions of bones are relative to their parents: export it with world"
-            " coordinates (Coordinate Space: Global)"
-        )
-    else:
-        refusal = (
-            "the file does not say its Coordinate Space: add 'space: global' to the mapping if"
-            " bones are in the axes of the world"
-        )
-    return replace(body, refusal=refusal)
-
-
 def _timing(
     file: TextFile, head: Sequence[TextRow], about: dict[str, str], where: CaptureFile, unit: str
 ) -> Timing:
@@ -274,11 +272,10 @@ def _old(file: TextFile, head: Sequence[TextRow]) -> Capture:
     for row in defining:
         if row.cells[0].strip().lower() in ("rigidbody", "trackable") and len(row.cells) > 2:
             names.setdefault(row.cells[2].strip(), row.cells[1].strip())
-    bodies = [
-        Body(name, "Rigid Body", (*xyz,), (*quaternion,), "quaternion", ident=ident)
-        for k, (ident, name) in enumerate(names.items())
-        for xyz, quaternion in [(range(7 * k, 7 * k + 3), range(7 * k + 3, 7 * k + 7))]
-    ]
+    bodies = []
+    for k, (ident, name) in enumerate(names.items()):
+        x, y, z, *turn = range(7 * k, 7 * k + 7)
+        bodies.append(Body(name, "Rigid Body", (x, y, z), tuple(turn), "quaternion", ident=ident))
     if not bodies:
         raise file.error("no rigid bodies are defined above its frames")
     return Capture(file.path, tuple(bodies), partial(_read_old, file, list(names)))

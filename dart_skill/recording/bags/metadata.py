@@ -9,9 +9,9 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,19 +26,24 @@ from rosbags.interfaces import (
 )
 
 from dart_skill.common.files import open_file
-from dart_skill.recording.bags._files import sync_folder
+from dart_skill.recording.bags.files import sync_folder
 
 if TYPE_CHECKING:
+    from mcap.records import Channel, Schema
+
     from dart_skill.recording.mcap import McapFile
 
 METADATA_VERSION = 9
 METADATA_FILE = "metadata.yaml"
-RECORD_NAME, RECORD_KEY = "rosbag2", "serialized_metadata"
+RECORD_NAME = "rosbag2"
+"""Name of the record in a file that tells its metadata."""
+RECORD_KEY = "serialized_metadata"
+"""Key of them in it."""
 _ROOT = "rosbag2_bagfile_information"
 _DDS = re.compile(r"(\w+)::(msg|srv|action)::(?:dds_::)?(\w+?)_?")
 
 
-@dataclass(frozen=True)
+@dataclass
 class TopicMetadata:
     """A topic of a bag.
 
@@ -62,33 +67,8 @@ class TopicMetadata:
     type_name: str
     qos: list
     type_hash: str
-    count: int
+    count: int = 0
     encoding: str = "cdr"
-
-
-@dataclass(frozen=True)
-class FileMetadata:
-    """A file of a bag.
-
-    Parameters
-    ----------
-    name
-        In the folder of the bag.
-    count
-        Messages.
-    start_ns, end_ns
-        Log times of its first and last message [ns]; None without messages.
-    """
-
-    name: str
-    count: int
-    start_ns: int | None
-    end_ns: int | None
-
-    @classmethod
-    def of(cls, file: McapFile) -> FileMetadata:
-        """Metadata of a file that is being written, as far as it is."""
-        return cls(file.path.name, file.message_count, file.start_ns, file.end_ns)
 
 
 def full_name(type_name: str) -> str:
@@ -101,27 +81,51 @@ def full_name(type_name: str) -> str:
     return f"{package}/msg/{name}" if slash and package and name and "/" not in name else type_name
 
 
+def definition_of(schema: Schema) -> tuple[str, str, str]:
+    """Full type name, encoding and text of a definition."""
+    return full_name(schema.name), schema.encoding, schema.data.decode(errors="replace")
+
+
+def message_encoding(channel: Channel) -> str:
+    """How messages of a channel are encoded; one that does not say it has CDR."""
+    encoding = channel.message_encoding
+    return "cdr" if encoding.lower() in ("cdr", "") else encoding
+
+
 def bag_metadata(
-    files: list[FileMetadata],
+    files: Sequence[McapFile],
     topics: Iterable[TopicMetadata],
     custom_data: Mapping[str, str],
     ros_distro: str,
 ) -> dict:
-    """Metadata of a bag as rosbag2 nests them."""
-    starts = [file.start_ns for file in files if file.start_ns is not None]
-    ends = [file.end_ns for file in files if file.end_ns is not None]
-    whole = FileMetadata(
-        "", sum(file.count for file in files), min(starts, default=None), max(ends, default=None)
-    )
+    """Metadata of a bag as rosbag2 nests them.
+
+    Parameters
+    ----------
+    files
+        As far as they are written.
+    """
     return {
         "version": METADATA_VERSION,
         "storage_identifier": "mcap",
-        **_times(whole),
-        "topics_with_message_count": [_topic(topic) for topic in topics],
+        **_extent(files),
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.type_name,
+                    "serialization_format": topic.encoding,
+                    "offered_qos_profiles": topic.qos,
+                    "type_description_hash": topic.type_hash,
+                },
+                "message_count": topic.count,
+            }
+            for topic in topics
+        ],
         "compression_format": "",
         "compression_mode": "",
-        "relative_file_paths": [file.name for file in files],
-        "files": [{"path": file.name, **_times(file)} for file in files],
+        "relative_file_paths": [file.path.name for file in files],
+        "files": [{"path": file.path.name, **_extent([file])} for file in files],
         "custom_data": dict(custom_data) or None,
         "ros_distro": ros_distro,
     }
@@ -165,8 +169,10 @@ def read_metadata_file(folder: Path, faults: list[str] | None = None) -> dict:
         If its metadata.yaml says nothing at all, FileNotFoundError without one.
     """
     with open_file(folder / METADATA_FILE) as stream:
-        text = _decoded(stream.read(4 * LARGEST_TEXT + 1))
-    content = load(text, METADATA_FILE)
+        data = stream.read(4 * LARGEST_TEXT + 1)
+    # in UTF-8, or as editors of Windows write it
+    encoding = "utf-16" if data.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
+    content = load(data.decode(encoding, errors="replace"), METADATA_FILE)
     found = content.get(_ROOT) if isinstance(content, dict) else None
     if not isinstance(found, dict):
         raise ValueError(f"{METADATA_FILE} has no mapping '{_ROOT}'")
@@ -190,11 +196,8 @@ def extent_of(told: Mapping[str, Any]) -> tuple[int, int, int] | None:
     start, duration = told.get("starting_time"), told.get("duration")
     if not isinstance(start, dict) or not isinstance(duration, dict):
         return None
-    count, first, length = (
-        told.get("message_count"),
-        start.get("nanoseconds_since_epoch"),
-        duration.get("nanoseconds"),
-    )
+    first, length = start.get("nanoseconds_since_epoch"), duration.get("nanoseconds")
+    count = told.get("message_count")
     if not (isinstance(count, int) and isinstance(first, int) and isinstance(length, int)):
         return None
     return count, first, first + length
@@ -223,33 +226,19 @@ def lost_in(custom_data: Mapping[str, str]) -> dict[str, int] | None:
     return lost if isinstance(lost, dict) else None
 
 
-def _decoded(data: bytes) -> str:
-    """Text of a file, in UTF-8 or as editors of Windows write it."""
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return data.decode("utf-16", errors="replace")
-    return data.decode("utf-8-sig", errors="replace")
-
-
 def _cleaned(found: dict, faults: list[str]) -> dict:
     """Metadata without the entries that are of another kind than rosbag2 writes, of which `faults`
     gets a text each.
     """
-    metadata = dict(found)
+    metadata = {name: value for name, value in found.items() if name not in _KINDS}
     for name, (wanted, clean) in _KINDS.items():
-        value = metadata.get(name)
-        if value is None:
-            metadata.pop(name, None)
-            continue
-        kept = clean(value)
-        if kept is None or (
-            isinstance(kept, (list, dict))
-            and isinstance(value, (list, dict))
-            and len(kept) != len(value)
-        ):
-            faults.append(f"it misuses {name}: it must be {wanted}")
-        metadata.pop(name)
+        value = found.get(name)
+        kept = None if value is None else clean(value)
         if kept is not None:
             metadata[name] = kept
+        is_collection = isinstance(kept, (list, dict)) and isinstance(value, (list, dict))
+        if value is not None and (kept is None or (is_collection and len(kept) != len(value))):
+            faults.append(f"it misuses {name}: it must be {wanted}")
     return metadata
 
 
@@ -259,11 +248,9 @@ def _texts(value: Any) -> list[str] | None:
 
 
 def _files(value: Any) -> list[dict] | None:
-    return (
-        [item for item in value if isinstance(item, dict) and isinstance(item.get("path"), str)]
-        if isinstance(value, list)
-        else None
-    )
+    if not isinstance(value, list):
+        return None
+    return [item for item in value if isinstance(item, dict) and isinstance(item.get("path"), str)]
 
 
 def _named_topics(value: Any) -> list[dict] | None:
@@ -281,13 +268,8 @@ def _named_topics(value: Any) -> list[dict] | None:
                 for key, text in told.items()
                 if isinstance(text, str) or key == "offered_qos_profiles"
             }
-            count = item.get("message_count")
-            found.append(
-                {
-                    "topic_metadata": texts,
-                    **({"message_count": count} if type(count) is int else {}),
-                }
-            )
+            count = _only(int)(item.get("message_count"))
+            found.append({"topic_metadata": texts, "message_count": count})
     return found
 
 
@@ -351,35 +333,29 @@ def profiles(topic: str, told: Any) -> tuple[Qos, ...]:
     except ValueError:
         return ()
     found = [found] if isinstance(found, dict) else found
-    return (
-        tuple(_profile(one) for one in found if isinstance(one, dict))
-        if isinstance(found, list)
-        else ()
-    )
-
-
-def _profile(told: dict) -> Qos:
-    depth = told.get("depth")
-    return Qos(
-        _policy(QosHistory, told.get("history", "keep_last")),
-        depth if type(depth) is int else 0,
-        _policy(QosReliability, told.get("reliability", "reliable")),
-        _policy(QosDurability, told.get("durability", "volatile")),
-        _period(told.get("deadline")),
-        _period(told.get("lifespan")),
-        _policy(QosLiveliness, told.get("liveliness", "automatic")),
-        _period(told.get("liveliness_lease_duration")),
-        bool(told.get("avoid_ros_namespace_conventions")),
+    if not isinstance(found, list):
+        return ()
+    return tuple(
+        Qos(
+            _policy(QosHistory, one.get("history", "keep_last")),
+            _only(int)(one.get("depth")) or 0,
+            _policy(QosReliability, one.get("reliability", "reliable")),
+            _policy(QosDurability, one.get("durability", "volatile")),
+            _period(one.get("deadline")),
+            _period(one.get("lifespan")),
+            _policy(QosLiveliness, one.get("liveliness", "automatic")),
+            _period(one.get("liveliness_lease_duration")),
+            bool(one.get("avoid_ros_namespace_conventions")),
+        )
+        for one in found
+        if isinstance(one, dict)
     )
 
 
 def _period(told: Any) -> QosTime:
     """A period [s, ns]; 0 is ROS 2's for none."""
     told = told if isinstance(told, dict) else {}
-    sec, nsec = (
-        value if type(value) is int else 0 for value in (told.get("sec"), told.get("nsec"))
-    )
-    return QosTime(sec, nsec)
+    return QosTime(*(_only(int)(told.get(key)) or 0 for key in ("sec", "nsec")))
 
 
 def _policy(kind: Any, told: int | str | None) -> Any:
@@ -390,48 +366,29 @@ def _policy(kind: Any, told: int | str | None) -> Any:
         return kind.UNKNOWN
 
 
-def _times(file: FileMetadata) -> dict:
-    start = file.start_ns or 0
+def _extent(files: Sequence[McapFile]) -> dict:
+    start = min((file.start_ns for file in files if file.start_ns is not None), default=0)
+    end = max((file.end_ns for file in files if file.end_ns is not None), default=0)
     return {
-        "duration": {"nanoseconds": (file.end_ns or 0) - start},
+        "duration": {"nanoseconds": end - start},
         "starting_time": {"nanoseconds_since_epoch": start},
-        "message_count": file.count,
+        "message_count": sum(file.message_count for file in files),
     }
-
-
-def _topic(topic: TopicMetadata) -> dict:
-    return {
-        "topic_metadata": {
-            "name": topic.name,
-            "type": topic.type_name,
-            "serialization_format": topic.encoding,
-            "offered_qos_profiles": topic.qos,
-            "type_description_hash": topic.type_hash,
-        },
-        "message_count": topic.count,
-    }
-
-
-_Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-
-
-class _NoAliases(_Dumper):
-    """yaml-cpp, which rosbag2 reads with, knows anchors, but people who read the file do not
-    expect them.
-    """
-
-    def ignore_aliases(self, data: Any) -> bool:
-        return True
 
 
 def dump(content: Any) -> str:
-    """YAML text."""
-    return yaml.dump(content, Dumper=_NoAliases, sort_keys=False)
+    """YAML text, without anchors: people who read the file do not expect them."""
+    repeated = json.loads(json.dumps(content))  # so that nothing in it is there twice
+    return yaml.dump(repeated, Dumper=_DUMPER, sort_keys=False)
 
 
+_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 LARGEST_TEXT = 2_000_000
 """Size of the metadata of a bag of ten thousand files [characters]."""
-DEEPEST, MOST_NODES = 30, 200_000
+DEEPEST = 30
+"""Most levels of a text."""
+MOST_NODES = 200_000
+"""Most entries of a text, once its aliases are followed."""
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -443,65 +400,46 @@ def load(text: str, what: str) -> Any:
     ValueError
         With `what` it is, for one that is no YAML, or that asks for too much.
     """
-    check(text, what)
-    try:
-        return yaml.load(text, Loader=_LOADER)
-    # the second: numbers and dates that are none
-    except (
-        yaml.YAMLError,
-        ValueError,
-        RecursionError,
-    ) as error:
-        raise ValueError(f"{what} is no YAML: {error}") from error
-
-
-def check(text: str, what: str) -> None:
-    """ValueError for a text that `load` refuses without building anything of it."""
     if len(text) > LARGEST_TEXT:
         raise ValueError(
             f"{what} has {len(text)} characters, more than the {LARGEST_TEXT} of any bag"
         )
-    count, too_deep = _Count(), f"{what} is nested deeper than {DEEPEST} levels"
     try:
-        for event in yaml.parse(text, Loader=_LOADER):
-            count.take(event)
-            if len(count.open) > DEEPEST:
-                raise ValueError(too_deep)
-            if count.total > MOST_NODES:
-                raise ValueError(
-                    f"{what} has more than {MOST_NODES} entries once its aliases are followed"
-                )
-    except yaml.YAMLError as error:
+        fault = _too_much(text)
+        if not fault:
+            return yaml.load(text, Loader=_LOADER)
+    # the second: numbers and dates that are none
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         # PyYAML 6.0.4 looks far enough ahead of its events to meet a limit of its own before ours
-        raise ValueError(
-            too_deep if "nesting depth" in str(error) else f"{what} is no YAML: {error}"
-        ) from error
+        fault = _TOO_DEEP if "nesting depth" in str(error) else f"is no YAML: {error}"
+    raise ValueError(f"{what} {fault}")
 
 
-@dataclass
-class _Count:
-    """Nodes so far, each as often as aliases repeat it. open: anchor and number of nodes before
-    each collection that has not ended.
+_TOO_DEEP = f"is nested deeper than {DEEPEST} levels"
+
+
+def _too_much(text: str) -> str:
+    """What a YAML text has too much of, told without building anything of it; empty for another
+    one. Its nodes are counted as often as aliases repeat them.
     """
-
-    total: int = 0
-    open: list[tuple[str | None, int]] = field(default_factory=list)
-    sizes: dict[str, int] = field(default_factory=dict)
-
-    def take(self, event: yaml.Event) -> None:
+    total = 0
+    begun: list[tuple[str | None, int]] = []  # anchor and nodes before each open collection
+    sizes: dict[str | None, int] = {}  # by anchor
+    for event in yaml.parse(text, Loader=_LOADER):
         if isinstance(event, yaml.AliasEvent):
             # one that is within itself never ends
-            self.total += self.sizes.get(event.anchor, MOST_NODES)
-        elif isinstance(event, yaml.CollectionStartEvent):
-            self.open.append((event.anchor, self.total))
-            self.total += 1
-        elif isinstance(event, yaml.ScalarEvent):
-            self.total += 1
-            self._name(event.anchor, 1)
+            total += sizes.get(event.anchor, MOST_NODES)
         elif isinstance(event, yaml.CollectionEndEvent):
-            anchor, before = self.open.pop()
-            self._name(anchor, self.total - before)
-
-    def _name(self, anchor: str | None, size: int) -> None:
-        if anchor is not None:
-            self.sizes[anchor] = size
+            anchor, before = begun.pop()
+            sizes[anchor] = total - before
+        elif isinstance(event, yaml.NodeEvent):
+            total += 1
+            if isinstance(event, yaml.CollectionStartEvent):
+                begun.append((event.anchor, total - 1))
+            else:
+                sizes[event.anchor] = 1
+        if len(begun) > DEEPEST:
+            return _TOO_DEEP
+        if total > MOST_NODES:
+            return f"has more than {MOST_NODES} entries once its aliases are followed"
+    return ""

@@ -1,5 +1,5 @@
-"""Log times of a bag as they were written: jumps back and forward, and gaps of a topic against its
-usual rate.
+"""What a check of a bag has to say, and what log times tell: jumps back and forward, and gaps of a
+topic against its usual rate.
 
 Of each topic a histogram of its intervals is kept, and the longest of them: as much memory for a
 day as for a minute.
@@ -18,11 +18,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dart_skill.common.constants import NS_PER_S
-from dart_skill.recording.bags._finding import Finding
-from dart_skill.recording.mcap import AT_ONCE
 
+RECOVER = "make a new bag of what is in it: dart-skill bag recover"
+REWRITE = "write its index anew: dart-skill bag recover"
+SEVERITIES = ("error", "warning", "note")
 BATCH = 1024
-"""Number of single messages that are looked at together."""
+"""Number of messages whose log times are looked at together."""
 N_LONGEST = 32
 """Number of the longest intervals of a topic that are remembered."""
 FEWEST = 20
@@ -32,47 +33,65 @@ FEWEST_IN_BURSTS = 200
 SHORTEST_GAP_NS = 200_000_000
 """Shortest silence of a topic that is told [ns]."""
 SHORTEST_PAUSE_NS = 5 * NS_PER_S
-"""Shorter ones of all topics together are usual: a world that is reset, a player that waits."""
+"""Shortest silence of all topics together that is told [ns]; a world that is reset, or a player
+that waits, makes shorter ones.
+"""
 LEAP_NS = 86_400 * NS_PER_S
 """Shortest pause that means that a clock was set [ns]."""
 SHORTEST_LEAP_NS = 60 * NS_PER_S
-"""The same of a pause that is longer than half of the bag [ns]."""
-OF_EVENTS = frozenset(
-    {
-        "rcl_interfaces/msg/Log",
-        "rcl_interfaces/msg/ParameterEvent",
-        "sensor_msgs/msg/Joy",
-        "sensor_msgs/msg/JoyFeedback",
-    }
-)
-"""Types of messages that come when there is something to say, however regular they look."""
-_LATEST = 2**63 - 1
+"""Shortest pause that means so if it is longer than half of the bag [ns]."""
+_LATEST_NS = 2**63 - 1
+"""Largest log time; later ones count as this one [ns]."""
 _PER_OCTAVE = 8
-"""Classes of the histogram of intervals between one and twice as long."""
+"""Number of classes of the histogram of intervals between one and twice as long."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something about a bag.
+
+    Parameters
+    ----------
+    severity
+        "error" (something is lost or unreadable), "warning" (look at it) or "note".
+    place
+        File, topic or byte.
+    remedy
+        What to do about it; empty if nothing needs to be done.
+    message
+        What it is.
+    """
+
+    severity: str
+    place: str
+    message: str
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.severity}: {self.place}: {self.message}" + (
+            f" ({self.remedy})" if self.remedy else ""
+        )
 
 
 @dataclass
 class _Intervals:
     """Times between successive messages of one kind."""
 
-    count: int = 0
     first_ns: int | None = None
-    last_ns: int | None = None
+    last_ns: int = 0
     n_back: int = 0
     most_back_ns: int = 0
     back_at_ns: int = 0
-    histogram: np.ndarray = field(
-        default_factory=lambda: np.zeros(64 * _PER_OCTAVE, dtype=np.int64)
-    )
+    histogram: np.ndarray = field(default_factory=lambda: np.zeros(64 * _PER_OCTAVE, np.int64))
     longest: list[tuple[int, int]] = field(default_factory=list)  # and when each began
 
     def take(self, stamps: np.ndarray) -> None:
-        if self.last_ns is None:
+        if self.first_ns is None:
             self.first_ns = int(stamps[0])
         else:
             stamps = np.concatenate(([self.last_ns], stamps))
+        self.last_ns = int(stamps[-1])
         steps = np.diff(stamps)
-        self.count, self.last_ns = self.count + len(stamps), int(stamps[-1])
         back = np.flatnonzero(steps < 0)
         if len(back):
             self.back_at_ns = self.back_at_ns if self.n_back else int(stamps[back[0]])
@@ -81,35 +100,30 @@ class _Intervals:
         classes = (np.log2(np.maximum(steps, 1)) * _PER_OCTAVE).astype(int)
         self.histogram += np.bincount(classes[steps >= 0], minlength=len(self.histogram))
         new = [(int(steps[k]), int(stamps[k])) for k in np.argsort(steps)[-N_LONGEST:]]
-        longest = sorted([*self.longest, *(gap for gap in new if gap[0] > 0)])
-        self.longest = longest[-N_LONGEST:]
+        self.longest = sorted([*self.longest, *(gap for gap in new if gap[0] > 0)])[-N_LONGEST:]
+
+    @property
+    def extent(self) -> tuple[int, int]:
+        """Log times of the first and the last message [ns]."""
+        return self.first_ns or 0, self.last_ns
 
     def share(self, share: float) -> float:
         """An interval that this share of them does not exceed [ns]."""
         total = np.cumsum(self.histogram)
-        return (
-            float(2.0 ** ((np.searchsorted(total, share * total[-1]) + 0.5) / _PER_OCTAVE))
-            if total[-1]
-            else 0.0
-        )
+        place = np.searchsorted(total, share * total[-1])
+        return float(2.0 ** ((place + 0.5) / _PER_OCTAVE)) if total[-1] else 0.0
 
     def usual(self) -> float | None:
         """The usual interval of a regular topic, or between its bursts [ns]; None of an irregular
         one.
         """
-        n = int(self.histogram.sum())
-        half, most, nearly_all = self.share(0.5), self.share(0.9), self.share(0.99)
+        n, half, most = int(self.histogram.sum()), self.share(0.5), self.share(0.9)
         if n >= FEWEST and most <= 2.0 * half:
             return half
-        return most if n >= FEWEST_IN_BURSTS and nearly_all <= 1.5 * most else None
+        return most if n >= FEWEST_IN_BURSTS and self.share(0.99) <= 1.5 * most else None
 
-    def gaps(self) -> list[tuple[int, int]]:
-        """Length and begin of intervals that are much longer than the usual ones [ns], in order;
-        none of an irregular topic.
-        """
-        usual = self.usual()
-        if usual is None:
-            return []
+    def gaps(self, usual: float) -> list[tuple[int, int]]:
+        """Length and begin of intervals that are much longer than the usual ones [ns], in order."""
         limit = max(10.0 * usual, 3.0 * self.share(0.95), SHORTEST_GAP_NS)
         return sorted((gap for gap in self.longest if gap[0] > limit), key=lambda gap: gap[1])
 
@@ -123,24 +137,15 @@ class TimeLine:
         self._events: set[str] = set()
         self._numbers: dict[str, int] = {}  # of topics, by name
         self._waiting: list[tuple[np.ndarray, np.ndarray]] = []  # numbers of topics, and log times
-        self._n_waiting = 0
-        self._newest: list[tuple[int, int]] = []  # the same of single messages
 
     def number(self, topic: str) -> int:
         """The number by which a topic is told."""
         return self._numbers.setdefault(topic, len(self._numbers))
 
-    def add(self, topic: str, stamp_ns: int) -> None:
-        """The next message."""
-        self._newest.append((self.number(topic), min(stamp_ns, _LATEST)))
-        if len(self._newest) >= BATCH:
-            self._take()
-
     def extend(self, numbers: np.ndarray, stamps: np.ndarray) -> None:
         """The next messages: numbers of their topics and log times (n,) [ns]."""
-        self._waiting.append((numbers, np.minimum(stamps, _LATEST).astype(np.int64)))
-        self._n_waiting += len(stamps)
-        if self._n_waiting >= AT_ONCE:
+        self._waiting.append((numbers, np.minimum(stamps, _LATEST_NS).astype(np.int64)))
+        if sum(len(waiting) for _, waiting in self._waiting) >= BATCH:
             self._take()
 
     def is_of_events(self, topic: str) -> None:
@@ -156,25 +161,24 @@ class TimeLine:
             Its name.
         """
         self._take()
-        usual = {
-            name: topic.usual() for name, topic in self._topics.items() if name not in self._events
-        }
         regular = {
-            name: self._topics[name].gaps()
-            for name, interval in usual.items()
-            if interval is not None
+            name: (usual, topic.gaps(usual))
+            for name, topic in self._topics.items()
+            if name not in self._events and (usual := topic.usual()) is not None
         }
-        pauses = self._pauses(regular)
+        pauses = self._pauses({name: gaps for name, (_, gaps) in regular.items()})
         found = [*self._back(place), *self._pause_findings(place, pauses)]
-        for name, gaps in regular.items():
-            found += self._gap_findings(name, [gap for gap in gaps if not _covers(gap, *pauses)])
+        for name, (usual, gaps) in regular.items():
+            gaps = [gap for gap in gaps if not _covers(gap, *pauses)]
+            if gaps and len(gaps) < N_LONGEST:
+                found += self._gap_findings(name, usual, gaps)
         return found
 
     def _take(self) -> None:
-        newest = np.array(self._newest, np.int64).reshape(-1, 2)
-        parts = [*self._waiting, (newest[:, 0], newest[:, 1])]
-        numbers, stamps = (np.concatenate(column) for column in zip(*parts, strict=True))
-        self._waiting, self._n_waiting, self._newest = [], 0, []
+        if not self._waiting:
+            return
+        numbers, stamps = (np.concatenate(column) for column in zip(*self._waiting, strict=True))
+        self._waiting = []
         if not len(stamps):
             return
         self._all.take(stamps)
@@ -183,7 +187,6 @@ class TimeLine:
                 self._topics.setdefault(name, _Intervals()).take(stamps[of_topic])
 
     def _back(self, place: str) -> list[Finding]:
-        found = []
         turned = {
             name: one
             for name, one in self._topics.items()
@@ -191,24 +194,31 @@ class TimeLine:
         }
         if turned:
             name, worst = max(turned.items(), key=lambda item: item[1].most_back_ns)
-            most, others = (
-                worst.most_back_ns / NS_PER_S,
-                f" and {len(turned) - 1} other topics" if len(turned) > 1 else "",
+            others = f" and {len(turned) - 1} other topics" if len(turned) > 1 else ""
+            return [
+                Finding(
+                    "warning",
+                    place,
+                    (
+                        f"log time jumps back {worst.n_back} times, by up to"
+                        f" {worst.most_back_ns / NS_PER_S:.6f} s, first at {worst.back_at_ns} ns, on"
+                        f" {name}{others}"
+                    ),
+                    "a clock was set, or a simulation began anew",
+                )
+            ]
+        if self._all.most_back_ns < NS_PER_S:
+            return []
+        return [
+            Finding(
+                "note",
+                place,
+                (
+                    "messages do not stand in order of log time, by up to"
+                    f" {self._all.most_back_ns / NS_PER_S:.3f} s: readers sort them"
+                ),
             )
-            text = (
-                f"log time jumps back {worst.n_back} times, by up to {most:.6f} s, first at"
-                f" {worst.back_at_ns} ns, on {name}{others}"
-            )
-            found.append(
-                Finding("warning", place, text, "a clock was set, or a simulation began anew")
-            )
-        elif self._all.most_back_ns >= NS_PER_S:
-            text = (
-                "messages do not stand in order of log time, by up to"
-                f" {self._all.most_back_ns / NS_PER_S:.3f} s: readers sort them"
-            )
-            found.append(Finding("note", place, text))
-        return found
+        ]
 
     def _pauses(self, regular: dict[str, list[tuple[int, int]]]) -> list[tuple[int, int]]:
         """Length and begin of what no regular topic has messages in, in order: in gaps, before it
@@ -217,12 +227,12 @@ class TimeLine:
         That takes two of them, unless it is longer than all the rest, or than any recording is
         paused. regular: gaps of each.
         """
-        start, end = self._all.first_ns or 0, self._all.last_ns or 0
+        start, end = self._all.extent
         least = max(SHORTEST_LEAP_NS, 0.5 * (end - start)) if regular else LEAP_NS
         found = [gap for gap in self._all.longest if gap[0] >= min(least, LEAP_NS)]
         silences = []
         for name, gaps in regular.items():
-            first, last = self._topics[name].first_ns or 0, self._topics[name].last_ns or 0
+            first, last = self._topics[name].extent
             silences.append([*gaps, (first - start, start), (end - last, last)])
         for gap in (gap for gaps in regular.values() for gap in gaps if len(regular) > 1):
             if not _covers(gap, *found) and all(_covers(gap, *silence) for silence in silences):
@@ -234,32 +244,25 @@ class TimeLine:
         if not pauses:
             return []
         longest, begin = max(pauses)
-        whole = (self._all.last_ns or 0) - (self._all.first_ns or 0)
-        times = f"{len(pauses)} times, by up to " if len(pauses) > 1 else ""
-        if longest >= LEAP_NS or (longest >= SHORTEST_LEAP_NS and longest >= 0.5 * whole):
-            text = f"log time jumps forward {times or 'by '}{_length(longest)}, after {begin} ns"
-            return [Finding("warning", place, text, "a clock was set, or the recorder was paused")]
-        text = f"no topic of a regular rate has messages for {_length(longest)} after {begin} ns"
+        start, end = self._all.extent
+        if longest >= LEAP_NS or (longest >= SHORTEST_LEAP_NS and longest >= 0.5 * (end - start)):
+            times = f"{len(pauses)} times, by up to " if len(pauses) > 1 else "by "
+            return [
+                Finding(
+                    "warning",
+                    place,
+                    f"log time jumps forward {times}{_length(longest)}, after {begin} ns",
+                    "a clock was set, or the recorder was paused",
+                )
+            ]
         more = f" ({len(pauses)} such pauses)" if len(pauses) > 1 else ""
-        return [
-            Finding(
-                "note",
-                place,
-                text + more,
-                "the recorder or the world was paused, or a clock was set",
-            )
-        ]
+        text = f"no topic of a regular rate has messages for {_length(longest)} after {begin} ns{more}"
+        cause = "the recorder or the world was paused, or a clock was set"
+        return [Finding("note", place, text, cause)]
 
-    def _gap_findings(self, name: str, gaps: list[tuple[int, int]]) -> list[Finding]:
-        topic = self._topics[name]
-        usual = topic.usual()
-        if not gaps or usual is None or len(gaps) == N_LONGEST:
-            return []
-        silent, whole = (
-            sum(length for length, _begin in gaps),
-            (topic.last_ns or 0) - (topic.first_ns or 0),
-        )
-        is_short = silent <= 0.2 * whole
+    def _gap_findings(self, name: str, usual: float, gaps: list[tuple[int, int]]) -> list[Finding]:
+        start, end = self._topics[name].extent
+        is_short = sum(length for length, _begin in gaps) <= 0.2 * (end - start)
         if not is_short and len(gaps) > 2:
             return []
         longest, begin = max(gaps)
@@ -274,11 +277,9 @@ class TimeLine:
 
 def _covers(gap: tuple[int, int], *pauses: tuple[int, int]) -> bool:
     """Whether at least four fifths of a gap lie in pauses, which do not overlap."""
-    return sum(max(0, _common(pause, gap)) for pause in pauses) >= 0.8 * gap[0]
-
-
-def _common(one: tuple[int, int], other: tuple[int, int]) -> int:
-    return min(one[0] + one[1], other[0] + other[1]) - max(one[1], other[1])
+    length, begin = gap
+    shared = (min(begin + length, start + lasted) - max(begin, start) for lasted, start in pauses)
+    return sum(max(0, one) for one in shared) >= 0.8 * length
 
 
 def _length(interval_ns: int) -> str:

@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -14,18 +15,117 @@ import numpy as np
 
 from dart_skill.common.checks import floats
 from dart_skill.common.extras import need, optional
-from dart_skill.recording.lerobot import _format as format_
-from dart_skill.recording.lerobot._format import DatasetCamera, Feature
+from dart_skill.recording.lerobot._reader import COUNTED, INFO, TASKS
 
+VERSION = "v3.0"
+CHUNK_SIZE = 1000
+"""Most files in a folder."""
+DATA_MB = 100
+"""Largest size of a file of data [MB]."""
+VIDEO_MB = 200
+"""Largest size of a file of video [MB]."""
+DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+STATS = "meta/stats.json"
+QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
 CODEC = "libx264"
 """How videos are encoded: every browser plays them."""
 PIXELS = "yuv420p"
 KEY_FRAMES = 2
-"""Frames from one key frame to the next: training asks for frames in any order."""
+"""Number of frames from one key frame to the next: training asks for frames in any order."""
 MOST_SAMPLES = 100
-"""Pictures of an episode that statistics are taken of."""
+"""Largest number of pictures of an episode that statistics are taken of."""
 EVERY = 4
 """Step between the pixels that statistics are taken of."""
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A vector of each frame: its key in the dataset, and the names of its elements, with their
+    units in brackets.
+    """
+
+    key: str
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class DatasetCamera:
+    """A video: its key in the dataset, and its size [pixels].
+
+    Parameters
+    ----------
+    height, width
+        Of its pictures [pixels].
+    """
+
+    key: str
+    width: int
+    height: int
+
+
+def described_video(
+    camera: DatasetCamera, fps: int, codec: str, pixel_format: str
+) -> dict[str, Any]:
+    """Entry of a video in info.json."""
+    about = {
+        "video.height": camera.height,
+        "video.width": camera.width,
+        "video.codec": codec,
+        "video.pix_fmt": pixel_format,
+        "video.fps": fps,
+        "video.channels": 3,
+        "has_audio": False,
+        "is_depth_map": False,
+    }
+    return {
+        "dtype": "video",
+        "shape": [camera.height, camera.width, 3],
+        "names": ["height", "width", "channels"],
+        "info": about,
+    }
+
+
+def statistics(values: np.ndarray) -> dict[str, np.ndarray]:
+    """Statistics of values (n, k) over n: min, max, mean, std and quantiles (k,), and the count
+    (1,).
+    """
+    values = np.asarray(values, dtype=float)
+    found = {
+        "min": values.min(axis=0),
+        "max": values.max(axis=0),
+        "mean": values.mean(axis=0),
+        "std": values.std(axis=0),
+    }
+    quantiles = {f"q{round(100 * q):02d}": np.quantile(values, q, axis=0) for q in QUANTILES}
+    return {**found, "count": np.array([len(values)]), **quantiles}
+
+
+def chunk_and_file(number: int) -> dict[str, int]:
+    """Where the file of a number is, for the patterns of paths."""
+    return dict(zip(("chunk_index", "file_index"), divmod(number, CHUNK_SIZE), strict=True))
+
+
+def task_metadata() -> Mapping[bytes, bytes]:
+    """What pandas writes beside a table whose index is `task`: lerobot looks tasks up by it."""
+    column = {"metadata": None, "numpy_type": "object", "pandas_type": "unicode"}
+    number = {
+        "name": "task_index",
+        "field_name": "task_index",
+        "metadata": None,
+        "numpy_type": "int64",
+        "pandas_type": "int64",
+    }
+    about = {
+        "index_columns": ["task"],
+        "column_indexes": [
+            {"name": None, "field_name": None, **column, "metadata": {"encoding": "UTF-8"}}
+        ],
+        "columns": [number, {"name": "task", "field_name": "task", **column}],
+        "pandas_version": "2.0.0",
+    }
+    return {b"pandas": json.dumps(about).encode()}
 
 
 class DatasetWriter:
@@ -112,11 +212,11 @@ class DatasetWriter:
         row |= {"dataset_from_index": self.n_frames, "dataset_to_index": self.n_frames + n}
         for key, values in columns.items():
             self._all.setdefault(key, []).append(values.reshape(n, -1))
-            row |= _statistics_keys(key, format_.statistics(values.reshape(n, -1)))
+            row |= _statistics_keys(key, statistics(values.reshape(n, -1)))
         for camera in self.cameras:
             row |= self._videos[camera.key].write((pictures or {})[camera.key], n)
             row |= _statistics_keys(camera.key, self._videos[camera.key].statistics())
-        where = format_.chunk_and_file(0)
+        where = chunk_and_file(0)
         row |= {f"meta/episodes/{name}": value for name, value in where.items()}
         self._rows.append(row)
         self.n_frames += n
@@ -135,49 +235,47 @@ class DatasetWriter:
         for video in self._videos.values():
             video.close()
         self._write_tables()
-        totals = {
-            key: format_.statistics(np.concatenate(parts)) for key, parts in self._all.items()
-        }
+        totals = {key: statistics(np.concatenate(parts)) for key, parts in self._all.items()}
         totals |= {key: video.statistics(of_all=True) for key, video in self._videos.items()}
         plain = {
             key: {name: value.tolist() for name, value in one.items()}
             for key, one in totals.items()
         }
-        _write_json(self.path / format_.STATS, plain)
+        _write_json(self.path / STATS, plain)
         # the last one: without it there is no dataset
-        _write_json(self.path / format_.INFO, self._info())
+        _write_json(self.path / INFO, self._info())
 
     def _write_tables(self) -> None:
         pa, pq = optional("pyarrow"), optional("pyarrow.parquet")
-        path = self.path / format_.EPISODES.format(**format_.chunk_and_file(0))
+        path = self.path / EPISODES.format(**chunk_and_file(0))
         path.parent.mkdir(parents=True)
         pq.write_table(pa.Table.from_pylist(self._rows), path)
         tasks = pa.table({"task_index": list(self._tasks.values()), "task": list(self._tasks)})
-        pq.write_table(
-            tasks.replace_schema_metadata(format_.task_metadata()), self.path / format_.TASKS
-        )
+        pq.write_table(tasks.replace_schema_metadata(task_metadata()), self.path / TASKS)
 
     def _info(self) -> dict[str, Any]:
-        features = {one.key: format_.described(one) for one in self.features}
-        features |= {
-            one.key: format_.described_video(one, self.fps, "h264", PIXELS) for one in self.cameras
+        features: dict[str, dict[str, Any]] = {
+            one.key: ({"dtype": "float32", "shape": [len(one.names)], "names": list(one.names)})
+            for one in self.features
         }
         features |= {
-            key: {"dtype": dtype, "shape": [1], "names": None}
-            for key, dtype in format_.COUNTED.items()
+            one.key: described_video(one, self.fps, "h264", PIXELS) for one in self.cameras
+        }
+        features |= {
+            key: {"dtype": dtype, "shape": [1], "names": None} for key, dtype in COUNTED.items()
         }
         return {
-            "codebase_version": format_.VERSION,
+            "codebase_version": VERSION,
             "fps": self.fps,
             "features": features,
             "total_episodes": len(self._rows),
             "total_frames": self.n_frames,
             "total_tasks": len(self._tasks),
-            "chunks_size": format_.CHUNK_SIZE,
-            "data_files_size_in_mb": format_.DATA_MB,
-            "video_files_size_in_mb": format_.VIDEO_MB,
-            "data_path": format_.DATA,
-            "video_path": format_.VIDEO if self.cameras else None,
+            "chunks_size": CHUNK_SIZE,
+            "data_files_size_in_mb": DATA_MB,
+            "video_files_size_in_mb": VIDEO_MB,
+            "data_path": DATA,
+            "video_path": VIDEO if self.cameras else None,
             "robot_type": self._robot_type,
             "splits": {"train": f"0:{len(self._rows)}"},
         }
@@ -215,19 +313,17 @@ class _DataFiles:
                 if len(one.names) == 1
                 else pa.FixedSizeListArray.from_arrays(flat, len(one.names))
             )
-        arrays |= {
-            key: pa.array(columns[key], type=dtype) for key, dtype in format_.COUNTED.items()
-        }
+        arrays |= {key: pa.array(columns[key], type=dtype) for key, dtype in COUNTED.items()}
         table = pa.table(arrays)
-        if self._writer is None or self._bytes + table.nbytes > format_.DATA_MB * 2**20:
+        if self._writer is None or self._bytes + table.nbytes > DATA_MB * 2**20:
             self.close()
             self._number, self._bytes = self._number + 1, 0
-            path = self._path / format_.DATA.format(**format_.chunk_and_file(self._number))
+            path = self._path / DATA.format(**chunk_and_file(self._number))
             path.parent.mkdir(parents=True, exist_ok=True)
             self._writer = pq.ParquetWriter(path, table.schema, compression="snappy")
         self._writer.write_table(table, row_group_size=n)
         self._bytes += table.nbytes
-        return format_.chunk_and_file(self._number)
+        return chunk_and_file(self._number)
 
     def close(self) -> None:
         if self._writer is not None:
@@ -255,7 +351,7 @@ class VideoFile:
         ValueError
             For another number of them, or another size.
         """
-        if self._container is None or self._file().stat().st_size > format_.VIDEO_MB * 2**20:
+        if self._container is None or self._file().stat().st_size > VIDEO_MB * 2**20:
             self._open()
         begin, samples = self._n_frames, []
         for k, picture in enumerate(pictures):
@@ -275,7 +371,7 @@ class VideoFile:
             )
         self._sampled.append((np.concatenate(samples) / 255.0, len(samples)))
         where = {
-            **format_.chunk_and_file(self._number),
+            **chunk_and_file(self._number),
             "from_timestamp": begin / self._fps,
             "to_timestamp": self._n_frames / self._fps,
         }
@@ -286,7 +382,7 @@ class VideoFile:
         count is of pictures.
         """
         chosen = self._sampled if of_all else self._sampled[-1:]
-        found = format_.statistics(np.concatenate([colours for colours, _ in chosen]))
+        found = statistics(np.concatenate([colours for colours, _ in chosen]))
         shaped = {name: value.reshape(3, 1, 1) for name, value in found.items() if name != "count"}
         return {**shaped, "count": np.array([sum(count for _, count in chosen)])}
 
@@ -297,8 +393,8 @@ class VideoFile:
             self._container = None
 
     def _file(self) -> Path:
-        return self._path / format_.VIDEO.format(
-            video_key=self._camera.key, **format_.chunk_and_file(self._number)
+        return self._path / VIDEO.format(
+            video_key=self._camera.key, **chunk_and_file(self._number)
         )
 
     def _open(self) -> None:

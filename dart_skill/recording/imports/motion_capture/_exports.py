@@ -1,5 +1,6 @@
-"""Tables that Qualisys' QTM and Vicon's Nexus and Tracker export. All of them have z up, unless a
-mapping says something else.
+"""Tables that Qualisys' QTM and Vicon's Nexus and Tracker export, which have z up, unless a mapping
+says something else; and markers as many programs write them: TRC, a table, and C3D, a binary format
+that the package `c3d` reads.
 
 TSV of QTM, of markers (3D) and of bodies (6D): lines of a key and its values, then a line for each
 frame. Lengths are millimetres and angles degrees, as QTM always writes them. Rot[0] to Rot[8] are
@@ -12,11 +13,17 @@ called Frame, Sub Frame, and X, Y, Z or RX, RY, RZ, (RW,) TX, TY, TZ.
 
 from __future__ import annotations
 
+import warnings
 from collections import deque
 from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import islice, takewhile
+from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from dart_skill.common.extras import need, optional
 from dart_skill.recording.imports.mapping import CaptureFile
 from dart_skill.recording.imports.motion_capture._capture import (
     Body,
@@ -26,15 +33,13 @@ from dart_skill.recording.imports.motion_capture._capture import (
     length_told,
     marker,
 )
-from dart_skill.recording.imports.pose_stream import AS_OURS
+from dart_skill.recording.imports.pose_stream import AS_OURS, UP_AXES
 from dart_skill.recording.imports.text_files import TextFile, TextRow, Timing, number_told
 
 NAMES = ("MARKER_NAMES", "BODY_NAMES")
 """Keys of the lines with the names of markers and of bodies."""
 MATRIX = tuple(f"Rot[{k}]" for k in range(9))
 """Columns of an orientation; the order of angles is a setting of QTM."""
-ANGLES = ("Roll", "Pitch", "Yaw")
-"""Columns of angles about x, y, z, where QTM calls them so."""
 
 
 def read_qualisys(file: TextFile, where: CaptureFile, unit: str) -> Capture:
@@ -113,10 +118,18 @@ def _qualisys_bodies(
         ]
         if len(starts) != len(names):
             return (), first
-        parts = zip(names, starts, [*starts[1:], len(columns)], strict=True)
-        return tuple(
-            _qualisys_body(name, columns[a:b], a, are_bodies) for name, a, b in parts
-        ), first
+        found = []
+        for name, a, b in zip(names, starts, [*starts[1:], len(columns)], strict=True):
+            own = columns[a:b]
+            if not are_bodies:
+                found.append(marker(name, a))
+            elif all(one in own for one in MATRIX):
+                rotation = tuple(a + own.index(one) for one in MATRIX)
+                found.append(Body(name, "6DOF body", (a, a + 1, a + 2), rotation, "matrix"))
+            else:
+                rotation = (a + 3, a + 4, a + 5) if len(own) > 5 else ()
+                found.append(Body(name, "6DOF body", (a, a + 1, a + 2), rotation, angle="deg"))
+        return tuple(found), first
     first = len(row.cells) - 3 * len(names)
     first -= first in (1, 3) and not row.cells[-1].strip()  # some lines end with a delimiter
     if are_bodies or first not in (0, 1, 2):
@@ -124,27 +137,6 @@ def _qualisys_bodies(
     return (
         tuple(marker(name, first + 3 * k) for k, name in enumerate(names)),
         first,
-    )
-
-
-def _qualisys_body(name: str, columns: list[str], first: int, is_body: bool) -> Body:
-    if not is_body:
-        return marker(name, first)
-    position = (first, first + 1, first + 2)
-    if all(one in columns for one in MATRIX):
-        return Body(
-            name,
-            "6DOF body",
-            position,
-            tuple(first + columns.index(one) for one in MATRIX),
-            "matrix",
-        )
-    return Body(
-        name,
-        "6DOF body",
-        position,
-        (first + 3, first + 4, first + 5) if len(columns) > 5 else (),
-        angle="deg",
     )
 
 
@@ -173,7 +165,12 @@ def read_vicon(file: TextFile, where: CaptureFile) -> Capture:
         raise file.error("no block with positions in it: export trajectories, segments or objects")
     wanted = {*where.markers, where.body}
     return next(
-        (one for one in blocks if any(_is_called(body, wanted) for body in one.bodies)), blocks[0]
+        (
+            one
+            for one in blocks
+            if wanted & {part for body in one.bodies for part in _names(body.name)}
+        ),
+        blocks[0],
     )
 
 
@@ -191,9 +188,9 @@ def looks_like_vicon(lines: Sequence[str]) -> bool:
     )
 
 
-def _is_called(body: Body, wanted: set[str]) -> bool:
-    subject, _, name = body.name.rpartition(":")
-    return bool({body.name, name, subject} & wanted)
+def _names(name: str) -> set[str]:
+    """What a body is called: its name as a whole, its subject, and what stands behind that."""
+    return {name, name.rpartition(":")[0], name.rpartition(":")[2]}
 
 
 def _is_header(cells: Sequence[str]) -> bool:
@@ -271,3 +268,91 @@ def _vicon_body(
     return Body(
         name, kind, (x, y, z), rotation, turn, angle if angle in ("deg", "rad") else ""
     ), length_told(unit(x))
+
+
+def read_trc(file: TextFile, unit: str) -> Capture:
+    """Markers of a TRC file, with its own times.
+
+    Parameters
+    ----------
+    unit
+        Of these, of TIME_UNITS.
+    """
+    head: list[TextRow] = []
+    for row in file.rows():
+        if row.cells[0].strip().isdigit() and len(head) > 3:
+            break
+        head.append(row)
+        if len(head) > 8:
+            raise file.error("no row of numbers below the names of markers", row)
+    if len(head) < 4:
+        raise file.error(
+            "no TRC file: below 'PathFileType' are a row of keys, one of values, and one with the"
+            " names of markers"
+        )
+    keys, values = ([cell.strip() for cell in row.cells] for row in head[1:3])
+    about = dict(zip(map(str.lower, keys), values, strict=False))
+    names = [
+        (place, cell.strip())
+        for place, cell in enumerate(head[3].cells)
+        if place > 1 and cell.strip()
+    ]
+    # separated by spaces, or without the empty cells of y and z
+    if len(names) > 1 and names[1][0] - names[0][0] == 1:
+        names = [(2 + 3 * k, name) for k, (_, name) in enumerate(names)]
+    return capture_of_rows(
+        file,
+        partial(file.rows, head[-1].number),
+        Timing(1, unit),
+        [marker(name, place) for place, name in names],
+        length_told(about.get("units", "")),
+    )
+
+
+def read_c3d(path: Path, where: CaptureFile) -> Capture:
+    """Markers of a C3D file. The axis that is upright on the screen points up, unless the mapping
+    says another one.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    where
+        What the mapping says of it.
+    """
+    need("c3d")
+    try:
+        with warnings.catch_warnings(), open(path, "rb") as stream:
+            warnings.simplefilter("ignore")
+            reader = optional("c3d").Reader(stream)
+            names, first = _labels(reader), reader.first_frame
+            rate = float(reader.point_rate or 0.0)
+            texts = (reader.get(f"POINT:{name}") for name in ("UNITS", "Y_SCREEN"))
+            length, upright = (one and str(one.string_value).strip("\0 ") or "" for one in texts)
+            points = np.array(
+                [frame[:, :4].astype(np.float32) for _, frame, _ in reader.read_frames(copy=False)]
+            )
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror}") from error
+    except Exception as error:  # the package meets arbitrary bytes
+        raise ValueError(f"{path}: no C3D file, or a damaged one: {error}") from error
+    if points.ndim != 3 or not points.size:
+        raise ValueError(f"{path}: there are no markers in it")
+    points[points[:, :, 3] < 0.0] = np.nan
+    flat = points[:, :, :3].reshape(len(points), -1).astype(float)
+    frames = np.arange(first, first + len(points))
+    stamps = np.rint(frames * (1e9 / agreed_rate(path, rate, where.rate))).astype(np.int64)
+    bodies = tuple(marker(name, 3 * k) for k, name in enumerate(names[: points.shape[1]]))
+    axes = UP_AXES.get(upright.lower().lstrip("+"))
+    return Capture(
+        path, bodies, lambda places: (stamps, flat[:, list(places)]), length_told(length), axes
+    )
+
+
+def _labels(reader: Any) -> list[str]:
+    """Names of all markers: more than 255 of them are in several parameters."""
+    found = list(reader.point_labels)
+    for k in range(2, 10):
+        parameter = reader.get(f"POINT:LABELS{k}")
+        found += [] if parameter is None else list(parameter.string_array)
+    return [name.strip() for name in found]

@@ -11,7 +11,7 @@ import os
 import re
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from itertools import chain
 from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING
@@ -29,7 +29,7 @@ from dart_skill.recording.mcap import (
 )
 
 if TYPE_CHECKING:
-    from dart_skill.recording.bags._sqlite import SqliteInput
+    from dart_skill.recording.bags._other_inputs import Ros1Input, SqliteInput
 
 SUFFIXES = (".mcap", ".db3")
 SIDE_FILES = {"-wal": "write-ahead log", "-journal": "journal"}
@@ -92,33 +92,16 @@ def missing_parts(files: list[Path]) -> list[str]:
     return found
 
 
-def files_in(folder: Path, suffixes: tuple[str, ...] = SUFFIXES) -> list[Path]:
-    """The files of a folder that hold messages, in order.
-
-    Parameters
-    ----------
-    suffixes
-        Of their names; those that were compressed as a whole have another.
-    """
-    return sorted((file for file in folder.iterdir() if file.suffix in suffixes), key=part_number)
-
-
 def storage_files(folder: Path) -> list[Path]:
     """The files of a folder that hold messages, in order, and those that were compressed and are
     not there as they were before.
     """
-    packed = [
-        file
-        for file in files_in(folder, PACKED)
-        if Path(unpacked_name(file.name)).suffix in SUFFIXES
-    ]
-    return sorted(
-        [
-            *files_in(folder),
-            *(file for file in packed if not (folder / unpacked_name(file.name)).exists()),
-        ],
-        key=part_number,
-    )
+    found = []
+    for file in folder.iterdir():
+        plain = folder / unpacked_name(file.name)
+        if plain.suffix in SUFFIXES and (plain == file or not plain.exists()):
+            found.append(file)
+    return sorted(found, key=part_number)
 
 
 def named_files(folder: Path, metadata: dict) -> list[Path]:
@@ -157,6 +140,7 @@ def sync_folder(path: Path) -> None:
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 SQLITE_MAGIC = b"SQLite format 3\0"
+ROS1_MAGIC = b"#ROSBAG "
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 LZ4_MAGIC = b"\x04\x22\x4d\x18"
 GZIP_MAGIC = b"\x1f\x8b\x08"
@@ -199,7 +183,7 @@ _OTHERS = (
 )
 """First bytes of files that are no bags, and what they are."""
 LARGEST_MESSAGE = 2**28
-"""A compressed message that says that it holds more is not unpacked [bytes]."""
+"""Largest content of a compressed message that is unpacked [bytes]."""
 
 
 def storage_of(path: Path) -> str | None:
@@ -216,8 +200,14 @@ def storage_of(path: Path) -> str | None:
     return {".mcap": "mcap", ".db3": "sqlite3"}[suffix] if suffix in SUFFIXES else None
 
 
+def is_of_ros1(path: Path) -> bool:
+    """Whether a file is a bag of ROS 1, by its first bytes."""
+    with open_file(path) as stream:
+        return stream.read(len(ROS1_MAGIC)) == ROS1_MAGIC
+
+
 def open_input(path: Path) -> McapInput | SqliteInput:
-    """A file of a bag, open for reading.
+    """A file of a bag of ROS 2, open for reading.
 
     Raises
     ------
@@ -225,9 +215,24 @@ def open_input(path: Path) -> McapInput | SqliteInput:
     """
     if storage_of(path) != "sqlite3":
         return McapInput(path)
-    from dart_skill.recording.bags._sqlite import SqliteInput
+    from dart_skill.recording.bags._other_inputs import SqliteInput
 
     return SqliteInput(path)
+
+
+def open_any(path: Path) -> McapInput | SqliteInput | Ros1Input:
+    """A file of a bag, of ROS 1, too, open for reading.
+
+    Raises
+    ------
+    DamagedError
+        ValueError for what is no bag of ROS 1, as rosbags says it.
+    """
+    if not is_of_ros1(path):
+        return open_input(path)
+    from dart_skill.recording.bags._other_inputs import Ros1Input
+
+    return Ros1Input(path)
 
 
 def is_packed(path: Path) -> bool:
@@ -332,20 +337,18 @@ def _parts(path: Path, kind: str) -> Iterator[bytes]:
 
 def unpacked_messages(messages: Iterator[BagMessage]) -> Iterator[BagMessage]:
     """Messages of a bag, unpacked if the first of them shows that each was compressed by itself."""
-    first = next(messages, None)
-    if first is None:
-        return iter(())
-    unpack, messages = unpacker_of(first.data), chain((first,), messages)
-    return (
-        messages if unpack is None else (one._replace(data=unpack(one.data)) for one in messages)
-    )
+    for first in messages:
+        unpack, every = unpacker_of(first.data), chain((first,), messages)
+        yield from (
+            every if unpack is None else (one._replace(data=unpack(one.data)) for one in every)
+        )
 
 
 def unpacker_of(data: bytes) -> Callable[[bytes], bytes] | None:
     """What unpacks messages like this one, whose bytes are no CDR; None for what was not
     compressed. It raises DamagedError.
     """
-    return _MESSAGE_UNPACKERS.get(bytes(data[:4]))
+    return {ZSTD_MAGIC: _from_zstd, LZ4_MAGIC: _from_lz4}.get(bytes(data[:4]))
 
 
 def plain_message(data: bytes) -> bytes:
@@ -359,34 +362,34 @@ def plain_message(data: bytes) -> bytes:
     return data
 
 
-def _zstd(data: bytes) -> bytes:
+@contextmanager
+def _explained() -> Iterator[None]:
     try:
-        size = zstandard.frame_content_size(data)
-        if size > LARGEST_MESSAGE:
-            raise DamagedError(
-                f"a message says that it holds {size} bytes, more than the {LARGEST_MESSAGE} that"
-                " are unpacked"
-            )
-        return zstandard.ZstdDecompressor().decompress(
-            data, max_output_size=LARGEST_MESSAGE if size < 0 else 0
-        )
-    except zstandard.ZstdError as error:
+        yield
+    except (zstandard.ZstdError, RuntimeError, EOFError) as error:
         raise DamagedError(f"a message cannot be unpacked ({error})") from error
 
 
-def _lz4(data: bytes) -> bytes:
-    try:
-        unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(
-            data, max_length=LARGEST_MESSAGE
+@_explained()
+def _from_zstd(data: bytes) -> bytes:
+    size = zstandard.frame_content_size(data)
+    if size > LARGEST_MESSAGE:
+        raise DamagedError(
+            f"a message says that it holds {size} bytes, more than the {LARGEST_MESSAGE} that are"
+            " unpacked"
         )
-    except (RuntimeError, EOFError) as error:
-        raise DamagedError(f"a message cannot be unpacked ({error})") from error
-    return unpacked
+    most = LARGEST_MESSAGE if size < 0 else 0
+    return zstandard.ZstdDecompressor().decompress(data, max_output_size=most)
 
 
-_MESSAGE_UNPACKERS = {ZSTD_MAGIC: _zstd, LZ4_MAGIC: _lz4}
+@_explained()
+def _from_lz4(data: bytes) -> bytes:
+    return lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=LARGEST_MESSAGE)
+
+
 _UNPACKERS: dict[str, Callable] = {
     "zstd": lambda: zstandard.ZstdDecompressor().decompressobj(),
     "gzip": lambda: zlib.decompressobj(31),
     "lz4": lz4.frame.LZ4FrameDecompressor,
 }
+"""What unpacks a file, by how it is compressed."""
