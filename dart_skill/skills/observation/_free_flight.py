@@ -183,8 +183,8 @@ def grow(near: np.ndarray, samples: np.ndarray) -> np.ndarray:
     inside = np.flatnonzero(near)
     if len(inside) < WINDOW:
         return samples
-    pieces = np.split(inside, np.flatnonzero(np.diff(inside) > 3) + 1)
-    middle = float(np.median(samples))
+    pieces = np.split(inside, np.flatnonzero(inside[1:] - inside[:-1] > 3) + 1)
+    middle = samples[len(samples) // 2]
     grown = min(
         pieces,
         key=lambda piece: 0 if piece[0] <= middle <= piece[-1] else abs(np.median(piece) - middle),
