@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_finite, as_samples
+from dart_skill.common.quantiles import quantile
 from dart_skill.movement._time import as_stamps
 
 DEGREE = 5
@@ -140,7 +141,7 @@ def estimate_noise(time: ArrayLike, samples: ArrayLike, *, apart: bool = False) 
     """
     samples = as_samples(samples, "samples")
     time = as_stamps(time, len(samples), MIN_SAMPLES)
-    levels = np.median(contrasts(time, samples), axis=1) / NORMAL_MEDIAN
+    levels = quantile(contrasts(time, samples).T, 0.5) / NORMAL_MEDIAN
     # Columns may differ in noise: an axis of unit length has none along itself. What counts for
     # all together is their mean variance; the median of all at once would be less.
     return levels if apart else np.sqrt(np.mean(np.square(levels)))

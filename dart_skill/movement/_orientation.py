@@ -139,7 +139,10 @@ def angles_from_quaternions(
     """
     unit = normalise(quaternions)
     ahead, (x, y, z) = (unchecked.rotate(unit, axis).T for axis in np.eye(3)[[2, 1]])
-    alpha, beta = np.arctan2(ahead[2], ahead[0]), np.arctan2(ahead[1], np.hypot(ahead[0], ahead[2]))
+    alpha, beta = (
+        np.arctan2(ahead[2], ahead[0]),
+        np.arctan2(ahead[1], np.hypot(ahead[0], ahead[2])),
+    )
     sine, cosine = np.sin(alpha), np.cos(alpha)
     # With roll = 0 the y axis (x, y, z) would point to the left; roll turns it up.
     up, left = cosine * z - sine * x, np.cos(beta) * y - np.sin(beta) * (cosine * x + sine * z)
