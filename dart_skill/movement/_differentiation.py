@@ -190,7 +190,8 @@ class _Smoother:
         to a constant.
         """
         parts = np.array_split(samples, len(self._windows))
-        return sum(window.risk(part) for window, part in zip(self._windows, parts, strict=True))
+        risks = (window.risk(part) for window, part in zip(self._windows, parts, strict=True))
+        return sum(risks, np.zeros(()))
 
 
 def _smoother_at(stamps: np.ndarray) -> _Smoother:

@@ -23,8 +23,19 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.arm import Gains, GainsOverTime, Pace, ThrowPlan, fit_registration, wam_description
+from dart_skill.arm import (
+    ExpectedThrow,
+    Gains,
+    GainsOverTime,
+    GripEvent,
+    MotionPlan,
+    Pace,
+    Speed,
+    fit_registration,
+    wam_description,
+)
 from dart_skill.common.checks import to_the_nanosecond
+from dart_skill.common.constants import Grip
 from dart_skill.mixture import GaussianMixture
 from dart_skill.movement import (
     DSGMR,
@@ -189,7 +200,7 @@ class ThrowingSkill:
         """What there is to say of the model."""
         return (f"the hand opens {1e3 * self.hand_delay:.0f} ms after it is told to",)
 
-    def plan(self, target: np.ndarray) -> ThrowPlan:
+    def plan(self, target: np.ndarray) -> MotionPlan:
         """A throw at the basket whose rim is centred at target (3,) [m], or at a target on the
         board.
 
@@ -460,11 +471,11 @@ class ThrowingSkill:
         )
         return course.part(min(first, len(course.time) - 3), stop)
 
-    def covariance_along(self, plan: ThrowPlan) -> np.ndarray:
+    def covariance_along(self, plan: MotionPlan) -> np.ndarray:
         """How differently the demonstrations went along a plan: covariance (n, 3, 3) of the
         attractor at its instants [m^2], (3.5).
         """
-        return self._covariance(plan.aim, self._start + plan.path.time)
+        return self._covariance(plan.thrown.aim, self._start + plan.path.time)
 
     def _covariance(self, aim: np.ndarray, time: np.ndarray) -> np.ndarray:
         model = self.model_for(aim)
@@ -495,7 +506,7 @@ class ThrowingSkill:
             course, attractor=np.hstack([attractor, course.attractor[:, 3:]])
         ), GainsOverTime(stiffness, damping)
 
-    def _as_plan(self, target: np.ndarray, aim: np.ndarray, throw: PlannedThrow) -> ThrowPlan:
+    def _as_plan(self, target: np.ndarray, aim: np.ndarray, throw: PlannedThrow) -> MotionPlan:
         c = self.configuration
         course, gains = (
             self._with_gains(aim, throw.course)
@@ -503,21 +514,23 @@ class ThrowingSkill:
             else (throw.course, Gains.critical(c.stiffness))
         )
         release = to_the_nanosecond(throw.release - course.time[0])
-        return ThrowPlan(
-            target=target,
-            aim=aim,
-            predicted_landing=throw.landing,
+        told = to_the_nanosecond(max(0.0, release - self.hand_delay))
+        return MotionPlan(
             path=course.hand_path,
             attractor_position=course.attractor[:, :3],
             attractor_quaternion=course.attractor_quaternion,
             position_gains=gains,
             orientation_gains=Gains.critical(c.orientation_stiffness or c.stiffness),
-            release=release,
-            open_hand=to_the_nanosecond(max(0.0, release - self.hand_delay)),
             start_posture=self._posture + np.array([np.arctan2(aim[1], aim[0]), 0, 0, 0, 0, 0, 0]),
-            model_id=self.model_id,
-            registration=self.registration,
+            end=release,
+            what="throw",
+            events=(GripEvent(told, Grip.OPEN, release),),
+            carries=True,
+            speed=Speed.THROW,
             pace=None if course.pace_gain is None else Pace(course.pace_gain_of_hand),
+            registration=self.registration,
+            throw=ExpectedThrow(target, aim, throw.landing),
+            model_id=self.model_id,
         )
 
 

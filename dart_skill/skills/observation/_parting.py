@@ -74,7 +74,8 @@ def _slowest(curve: np.ndarray, first: float, last: float) -> float:
     The extremes of the squared speed and 0 are compared, as far as they lie in between; else the
     end.
     """
-    squared = sum(np.convolve(column, column) for column in _derivative(curve).T)
+    x, y, z = _derivative(curve).T
+    squared = np.convolve(x, x) + np.convolve(y, y) + np.convolve(z, z)
     roots = np.roots(_derivative(squared)[::-1])
     extremes = roots.real[np.abs(roots.imag) < REAL]
     places = np.append(np.sort(extremes), 0.0).clip(first, last)
