@@ -60,6 +60,7 @@ from dart_skill.skills.learning._planned_path import PlannedPath
 from dart_skill.skills.learning._preparation import PreparedThrow, prepare
 from dart_skill.skills.learning._refinement import PlannedThrow, Refinement, Unreachable
 from dart_skill.skills.learning._release import hit_at
+from dart_skill.skills.learning._representation import Representation
 from dart_skill.skills.learning._task_frames import frames_for
 from dart_skill.skills.protocol import DEFAULT, Skill, ThrowSettings, general_part, part_of
 
@@ -75,10 +76,6 @@ SIDE_MARGIN = np.deg2rad(45.0)
 LONGEST_DRIVE = 1.5
 """A movement that is driven by the state may take so many times as long as shown."""
 AT_REST = np.zeros(5)
-TIMES_FOUND = 1e-3
-"""EM stops at this rise of the mean log-likelihood where components are fitted anew: only their
-times and shares are taken from it.
-"""
 FINE = 1e-3
 """Noise of a recorded hand [m] up to which a demonstration counts in full, however much better the
 others were seen.
@@ -96,8 +93,8 @@ class ThrowingSkill:
         How demonstrations become a model and a model becomes a plan.
     throws
         Demonstrations prepared for this configuration.
-    refinement
-        What is solved for before a plan; None: what the configuration names.
+    skill
+        That is learned, which may have parts of its own; None: those for any skill.
 
     Attributes
     ----------
@@ -122,11 +119,17 @@ class ThrowingSkill:
         self,
         configuration: ThrowSettings,
         throws: Sequence[PreparedThrow],
-        refinement: Refinement | None = None,
+        skill: Skill | None = None,
     ):
+        def part(kind: str) -> Any:
+            if skill is not None:
+                return part_of(skill.with_settings(configuration), kind)
+            return general_part(kind, getattr(configuration, kind))
+
         self.configuration = configuration
         self.throws = tuple(throws)
-        self.refinement = refinement or general_part("refinement", configuration.refinement)()
+        self.refinement: Refinement = part("refinement")()
+        self.representation: type[Representation] = part("representation")
         self.surface = configuration.game.surface
         self._tasks = np.array([throw.task for throw in throws])
         self.credence = credence_of([throw.noise for throw in throws])
@@ -177,7 +180,7 @@ class ThrowingSkill:
         assert isinstance(skill.settings, ThrowSettings)
         _check_enough(throws)
         skill.check_settings()
-        return cls(skill.settings, throws, part_of(skill, "refinement")())
+        return cls(skill.settings, throws, skill)
 
     @classmethod
     def learned(cls, skill: Skill, demonstrations: Sequence[Demonstration]) -> ThrowingSkill:
@@ -284,17 +287,7 @@ class ThrowingSkill:
     def _encoded(self, used: np.ndarray) -> tuple[Model, dict[str, Any]]:
         """A model, not fitted yet, and some of the demonstrations as it takes them."""
         c, moving = self.configuration, [self._moving[i] for i in used]
-        representation = general_part("representation", c.representation)
-        kind = AutonomousDSGMR if representation.drive == "state" else DSGMR
-        overlap = c.overlap if representation.partition == "em" else 0.0
-        how: dict[str, Any] = {
-            "n_inputs": int(c.distance_input),
-            "partition": representation.partition,
-            "overlap": overlap or None,
-        }
-        how |= {"n_shared": 1 + int(c.distance_input)} if c.inputs_once else {}
-        how |= {"tolerance": TIMES_FOUND} if overlap else {}
-        model = kind(c.components, c.stiffness_of_features, **how)
+        model = self.representation.of_throws(c)
         frames = [frames_for(self.throws[i].task, self.throws[i].motion[0], c) for i in used]
         if isinstance(model, DSGMR):
             features = [
@@ -550,9 +543,16 @@ def learn_throwing(
 
 
 def learn_prepared(
-    throws: Sequence[PreparedThrow], configuration: ThrowSettings = DEFAULT
+    throws: Sequence[PreparedThrow],
+    configuration: ThrowSettings = DEFAULT,
+    skill: Skill | None = None,
 ) -> ThrowingSkill:
     """The same from throws that were prepared before, for the same configuration.
+
+    Parameters
+    ----------
+    skill
+        That is learned; None: one without parts of its own.
 
     Raises
     ------
@@ -560,7 +560,7 @@ def learn_prepared(
         If these are too few.
     """
     _check_enough(throws)
-    return ThrowingSkill(configuration, throws)
+    return ThrowingSkill(configuration, throws, skill)
 
 
 def _check_enough(throws: Sequence[PreparedThrow]) -> None:

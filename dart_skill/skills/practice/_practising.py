@@ -35,7 +35,7 @@ from dart_skill.skills.practice._hand_delay import USUAL_DELAY_SPREAD, HandDelay
 from dart_skill.skills.practice._memory import PracticeSettings, TrialMemory, Verdict
 from dart_skill.skills.practice._searching import CorrectionSearch
 from dart_skill.skills.practice._steadiness import LEAST, STEP, Steadiness
-from dart_skill.skills.protocol import PRACTICE_METHODS
+from dart_skill.skills.protocol import PRACTICE_METHODS, Skill
 
 
 @dataclass(frozen=True)
@@ -106,6 +106,8 @@ class PractisingSkill:
         Int, number of throws in a round; default 0. After each round the release may be moved
         farther to where the delay of the hand matters least (`steadiness`). 0: the release is not
         moved.
+    of
+        Skill that is practised, which may have parts of its own; default None.
 
     Attributes
     ----------
@@ -135,6 +137,7 @@ class PractisingSkill:
         rng: np.random.Generator | None = None,
         steady_every: int = 0,
         tried: Sequence[Demonstration] = (),
+        of: Skill | None = None,
     ):
         if method not in PRACTICE_METHODS:
             raise ValueError(
@@ -146,7 +149,7 @@ class PractisingSkill:
                 " bootstrap or both"
             )
         self.method = method
-        self.practice = TrialMemory(shown, configuration, memory, tried)
+        self.practice = TrialMemory(shown, configuration, memory, tried, of)
         self.skill = self.practice.learn()
         self._game = configuration.game
         self.correction = (

@@ -69,6 +69,7 @@ class ThrowPractice(Practice):
             skill.correction,
             steady_every=_steady_every(skill),
             tried=self._tried,
+            of=skill,
         )
 
     @property
@@ -111,7 +112,7 @@ class ThrowPractice(Practice):
         one.skill = cast("Throw", skill.with_settings(settings))
         one.memory, one.left_out = memory or PracticeSettings(), {}
         one.practising = practised_skill(
-            saved, method, memory, one.skill.correction, _steady_every(skill)
+            saved, method, memory, one.skill.correction, _steady_every(skill), one.skill
         )
         return one
 
