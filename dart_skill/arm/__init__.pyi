@@ -47,12 +47,14 @@ from dart_skill.arm._impedance import minimum_jerk as minimum_jerk
 from dart_skill.arm._impedance import rotation_error as rotation_error
 from dart_skill.arm._model import ArmModel as ArmModel
 from dart_skill.arm._model import HandState as HandState
+from dart_skill.arm._motion_plan import ExpectedThrow as ExpectedThrow
 from dart_skill.arm._motion_plan import Gains as Gains
 from dart_skill.arm._motion_plan import GainsOverTime as GainsOverTime
 from dart_skill.arm._motion_plan import GripEvent as GripEvent
 from dart_skill.arm._motion_plan import HandPath as HandPath
 from dart_skill.arm._motion_plan import MotionPlan as MotionPlan
 from dart_skill.arm._motion_plan import Pace as Pace
+from dart_skill.arm._motion_plan import same_plan as same_plan
 from dart_skill.arm._plan_checks import STRETCHED as STRETCHED
 from dart_skill.arm._plan_checks import CommanderSettings as CommanderSettings
 from dart_skill.arm._plan_checks import PlanRefused as PlanRefused
@@ -68,8 +70,6 @@ from dart_skill.arm._registration_fit import measure_registration as measure_reg
 from dart_skill.arm._safety import SafetyLimits as SafetyLimits
 from dart_skill.arm._safety import SafetyModule as SafetyModule
 from dart_skill.arm._safety import check_push as check_push
-from dart_skill.arm._throw_plan import ThrowPlan as ThrowPlan
-from dart_skill.arm._throw_plan import same_plan as same_plan
 from dart_skill.arm._urdf import Transform as Transform
 from dart_skill.arm._urdf import fixed_transforms as fixed_transforms
 from dart_skill.arm._urdf import joint_transforms as joint_transforms

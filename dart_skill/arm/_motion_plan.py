@@ -5,7 +5,8 @@ what the fingers do meanwhile.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -182,6 +183,28 @@ class Pace:
 
 
 @dataclass(frozen=True, eq=False)
+class ExpectedThrow:
+    """What shall come of a plan that throws.
+
+    Parameters
+    ----------
+    target
+        Centre of the rim, or point of a board (3,) [m].
+    aim
+        The task parameter whose plan lands on the target (3,) [m].
+    landing
+        Where the ball is expected to cross the plane of the rim, or to meet the board (3,) [m].
+    """
+
+    target: np.ndarray
+    aim: np.ndarray
+    landing: np.ndarray
+
+    def __post_init__(self) -> None:
+        check_shapes("plan", self, dict.fromkeys(("target", "aim", "landing"), (3,)))
+
+
+@dataclass(frozen=True, eq=False)
 class MotionPlan:
     """What the commander carries out.
 
@@ -214,6 +237,11 @@ class MotionPlan:
     posture
         Joint angles (n, 7) [rad] that the arm's free motion aims at; J2, J4 and J6 are left to the
         hand. None: those of the start.
+    throw
+        What shall be thrown where; None where nothing is. A throw opens the hand in its first
+        event, and `end` is the release: what comes after is of no use to the ball.
+    model_id
+        Digest of the model that made the plan, default "".
     """
 
     path: HandPath
@@ -230,6 +258,8 @@ class MotionPlan:
     pace: Pace | None = None
     registration: Registration = field(default_factory=Registration)
     posture: np.ndarray | None = None
+    throw: ExpectedThrow | None = None
+    model_id: str = ""
 
     def __post_init__(self) -> None:
         n = len(self.path.time)
@@ -262,6 +292,48 @@ class MotionPlan:
                 f" {self.path.duration} s"
             )
 
+    @property
+    def thrown(self) -> ExpectedThrow:
+        """What shall be thrown where; ValueError for a plan that throws nothing."""
+        if self.throw is None:
+            raise ValueError(f"the plan of a {self.what} throws nothing")
+        return self.throw
+
+    @property
+    def open_hand(self) -> float:
+        """Time of the first event [s]: in a throw, the hand is told to open."""
+        return self.events[0].time
+
+    @property
+    def release(self) -> float:
+        """Time at which the first event is over [s]: in a throw, the ball leaves the hand."""
+        return self.events[0].done
+
+    def opening_at(self, time: float) -> MotionPlan:
+        """The same throw, whose hand is told to open at another time [s]; 0 for one before the
+        start.
+        """
+        return replace(self, events=(replace(self.events[0], time=max(0.0, time)),))
+
+    def begin_ns(self, opened_ns: int, commands_ns: np.ndarray) -> int:
+        """Stamp [ns] of the command with which a throw by this plan began, from the stamp of the
+        command that opened the hand.
+
+        The hand opens with the first command at or after its time in the plan, so the throw began
+        at the stamp of a command. This is only true where time drives the plan.
+
+        Parameters
+        ----------
+        opened_ns
+            Stamp of the command that opened the hand [ns].
+        commands_ns
+            (n,) stamps of all commands [ns].
+        """
+        latest = opened_ns - round(self.open_hand * 1e9) + 1
+        return int(
+            commands_ns[max(int(np.searchsorted(commands_ns, latest, side="right")) - 1, 0)]
+        )
+
     def as_the_arm_has_it(self) -> MotionPlan:
         """The same motion as the arm's own kinematics says it."""
         if self.registration.is_none:
@@ -282,6 +354,29 @@ class MotionPlan:
             orientation_gains=orientation_gains,
             registration=Registration(),
         )
+
+
+def same_plan(first: MotionPlan, second: MotionPlan) -> bool:
+    """Whether two plans are equal bit for bit, but for the name of their model.
+
+    Parameters
+    ----------
+    first, second
+        The plans.
+    """
+    return all(
+        _equal(getattr(first, f.name), getattr(second, f.name))
+        for f in fields(MotionPlan)
+        if f.name != "model_id"
+    )
+
+
+def _equal(first: Any, second: Any) -> bool:
+    if is_dataclass(first) and type(first) is type(second):
+        return all(_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(first))
+    return (
+        bool(np.array_equal(first, second)) if isinstance(first, np.ndarray) else first == second
+    )
 
 
 def check_shapes(what: str, owner: object, shapes: Mapping[str, tuple[int, ...]]) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dart_skill.arm import ThrowPlan, wam_description
+from dart_skill.arm import MotionPlan, wam_description
 from dart_skill.figures._style import (
     ATTRACTOR,
     BALL,
@@ -57,7 +57,7 @@ class ExecutedThrow:
         The ball from its release on.
     """
 
-    plan: ThrowPlan
+    plan: MotionPlan
     hand_time: np.ndarray
     hand_position: np.ndarray
     ball_time: np.ndarray
@@ -77,7 +77,7 @@ class ExecutedThrow:
         return np.column_stack([along, np.linalg.norm(error - along[:, None] * direction, axis=1)])
 
 
-def executed_throw(recordings: Sequence[HandRecording], plan: ThrowPlan) -> ExecutedThrow:
+def executed_throw(recordings: Sequence[HandRecording], plan: MotionPlan) -> ExecutedThrow:
     """The last recording in which the arm threw at the plan's target.
 
     Raises
@@ -88,10 +88,11 @@ def executed_throw(recordings: Sequence[HandRecording], plan: ThrowPlan) -> Exec
     found = [
         (one, one.opened_ns)
         for one in recordings
-        if one.opened_ns is not None and np.linalg.norm(one.basket - plan.target) < SAME_BASKET
+        if one.opened_ns is not None
+        and np.linalg.norm(one.basket - plan.thrown.target) < SAME_BASKET
     ]
     if not found:
-        place = plan.target.round(3).tolist()
+        place = plan.thrown.target.round(3).tolist()
         raise ValueError(
             f"no recording of a throw at a basket at {place}: is /wam/command in the bag, and did"
             " it open the hand?"
@@ -140,7 +141,7 @@ def execution_figure(
 
 def _draw_side(axes: Axes, throw: ExecutedThrow, basket: Basket) -> None:
     plan = throw.plan
-    azimuth = float(np.arctan2(plan.target[1], plan.target[0]))
+    azimuth = float(np.arctan2(plan.thrown.target[1], plan.thrown.target[0]))
     forward = unit_along(azimuth)
 
     def seen(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -163,7 +164,11 @@ def _draw_side(axes: Axes, throw: ExecutedThrow, basket: Basket) -> None:
         "shoulder", (0.0, shoulder), xytext=(8, -3), textcoords="offset points", color=GREY
     )
     basket_from_the_side(
-        axes, float(plan.target[:2] @ forward), float(plan.target[2]), basket.radius, basket.depth
+        axes,
+        float(plan.thrown.target[:2] @ forward),
+        float(plan.thrown.target[2]),
+        basket.radius,
+        basket.depth,
     )
     axes.plot(
         *seen(plan.attractor_position),
@@ -203,7 +208,7 @@ def _draw_side(axes: Axes, throw: ExecutedThrow, basket: Basket) -> None:
         gid="release",
     )
     axes.plot(
-        *seen(plan.predicted_landing[None]),
+        *seen(plan.thrown.landing[None]),
         "x",
         color=BLACK,
         markersize=8,
@@ -213,7 +218,7 @@ def _draw_side(axes: Axes, throw: ExecutedThrow, basket: Basket) -> None:
         gid="predicted_landing",
     )
     axes.set_aspect("equal", adjustable="datalim")
-    distance = np.hypot(plan.target[0], plan.target[1])
+    distance = np.hypot(plan.thrown.target[0], plan.thrown.target[1])
     axes.set(
         xlabel="forward, in the plane of the throw [m]",
         ylabel="height [m]",

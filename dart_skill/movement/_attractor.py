@@ -179,10 +179,13 @@ def recur(transition: np.ndarray, forcing: np.ndarray) -> np.ndarray:
     forcing
         f (2, n, d).
     """
-    states = np.array(forcing.swapaxes(0, 1), order="C")
-    for before, here in zip(states[:-1], states[1:], strict=True):
-        here += transition @ before
-    return states.swapaxes(0, 1)
+    _, n, d = forcing.shape
+    states, ahead = forcing.reshape(2, n * d).copy(), d
+    # After each round a state holds what came twice as many steps before it.
+    while ahead < n * d:
+        states[:, ahead:] += transition @ states[:, :-ahead]
+        transition, ahead = transition @ transition, 2 * ahead
+    return states.reshape(2, n, d)
 
 
 def respond(

@@ -16,15 +16,19 @@ from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_finite, as_samples
+from dart_skill.common.quantiles import quantile
 from dart_skill.movement._time import as_stamps
 
 DEGREE = 5
 NEIGHBOURS = 7
 MIN_SAMPLES = 8
+EVEN_WEIGHTS = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0]) / np.sqrt(924.0)
+"""Weights of neighbours at equal intervals in `contrasts`: binomial coefficients, of unit norm."""
+EVEN = 1e-9
+"""Largest relative difference between intervals that are taken for equal."""
 # The risk is evaluated in windows of so many samples; the cost is cubic in this number and linear
 # in the number of windows.
 RISK_WINDOW = 300
@@ -75,23 +79,19 @@ def smooth_derivatives(
     interval = (time[-1] - time[0]) / (len(time) - 1)
     stamps = (time - time[0]) / interval
     smoother = _smoother_at(stamps)
-    basis = smoother.basis
     # The quadratic trend is fitted separately: with a large penalty the system is ill-conditioned
     # and would disturb it.
-    trend = smoother.trend(samples)
-    rest, penalties = samples - trend, np.zeros(samples.shape[1])
+    along = smoother.trends.T @ samples
+    rest, penalties = samples - smoother.trends @ along, np.zeros(samples.shape[1])
     if levels.any():
         risk = smoother.risk(rest / np.where(levels > 0, levels, 1.0))
         for group in groups:
             if levels[group.start] > 0:
                 penalties[group] = _best_penalty(risk[:, group])
-    coefficients = basis.fit(basis.sums(trend), np.zeros_like(penalties)) + basis.fit(
-        basis.sums(rest), penalties
-    )
+    coefficients = smoother.trend_coefficients @ along + smoother.basis.fit(rest, penalties)
+    spline = smoother.basis.spline(coefficients)
     points = (at - time[0]) / interval
-    return Motion(
-        *(basis.evaluate(coefficients, points, order) / interval**order for order in range(3))
-    )
+    return Motion(*(spline(points, nu=order) / interval**order for order in range(3)))
 
 
 def _within(at: np.ndarray, time: np.ndarray) -> np.ndarray:
@@ -141,7 +141,7 @@ def estimate_noise(time: ArrayLike, samples: ArrayLike, *, apart: bool = False) 
     """
     samples = as_samples(samples, "samples")
     time = as_stamps(time, len(samples), MIN_SAMPLES)
-    levels = np.median(contrasts(time, samples), axis=1) / NORMAL_MEDIAN
+    levels = quantile(contrasts(time, samples).T, 0.5) / NORMAL_MEDIAN
     # Columns may differ in noise: an axis of unit length has none along itself. What counts for
     # all together is their mean variance; the median of all at once would be less.
     return levels if apart else np.sqrt(np.mean(np.square(levels)))
@@ -153,30 +153,28 @@ def contrasts(time: np.ndarray, samples: np.ndarray) -> np.ndarray:
 
     Sample k of them has the weight 1 / prod_j (t_k - t_j), j != k.
     """
-    windows = sliding_window_view(time, NEIGHBOURS)
-    windows = windows / (windows[:, -1:] - windows[:, :1])
-    apart = windows[:, :, None] - windows[:, None, :] + np.eye(NEIGHBOURS)
-    weights = 1.0 / apart.prod(axis=2)
-    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
-    return np.abs(
-        np.einsum("nk,ndk->dn", weights, sliding_window_view(samples, NEIGHBOURS, axis=0))
-    )
+    n, rows, steps = len(time) - NEIGHBOURS + 1, samples.T, time[1:] - time[:-1]
+    weights = EVEN_WEIGHTS
+    if np.ptp(steps) > EVEN * steps[0]:
+        windows = time[np.arange(NEIGHBOURS)[:, None] + np.arange(n)]
+        apart = (windows[:, None] - windows) / (windows[-1] - windows[0])
+        apart[np.diag_indices(NEIGHBOURS)] = 1.0
+        weights = 1.0 / np.multiply.reduce(apart, axis=1)
+        weights = weights / np.sqrt(np.square(weights).sum(axis=0))
+    return np.abs(sum(weight * rows[:, k : k + n] for k, weight in enumerate(weights)))
 
 
 class _Smoother:
     """The part of the penalised least squares fit that depends on the stamps only, and not on the
     samples.
+
+    trends: orthonormal quadratic polynomials (n, 3), on which the penalty does not act.
     """
 
     def __init__(self, stamps: np.ndarray):
         self.basis = _QuinticBasis(stamps)
-        self._trends = _quadratics(stamps)
-
-    def trend(self, samples: np.ndarray) -> np.ndarray:
-        """Values (n, d) of the quadratic polynomials that fit samples (n, d) best; the penalty
-        does not act on them.
-        """
-        return self._trends @ (self._trends.T @ samples)
+        self.trends = _quadratics(stamps)
+        self.trend_coefficients = self.basis.fit(self.trends, np.zeros(3))
 
     @cached_property
     def _windows(self) -> list[_RiskWindow]:
@@ -192,9 +190,8 @@ class _Smoother:
         to a constant.
         """
         parts = np.array_split(samples, len(self._windows))
-        return np.sum(
-            [window.risk(part) for window, part in zip(self._windows, parts, strict=True)], axis=0
-        )
+        risks = (window.risk(part) for window, part in zip(self._windows, parts, strict=True))
+        return sum(risks, np.zeros(()))
 
 
 def _smoother_at(stamps: np.ndarray) -> _Smoother:
@@ -266,8 +263,10 @@ class _QuinticBasis:
             [np.repeat(stamps[0], DEGREE + 1), inner, np.repeat(stamps[-1], DEGREE + 1)]
         )
         self.design = BSpline.design_matrix(stamps, self.knots, DEGREE)
-        self.gram = self.design.T @ self.design
+        self._transposed = self.design.T.tocsr()
+        self.gram = self._transposed @ self.design
         self.roughness = self._roughness()
+        self._bands = _bands(self.gram), _bands(self.roughness)
 
     def _roughness(self) -> Any:
         """integral B'''(t) B'''(t)' dt; three Gauss points are exact for the product of two
@@ -288,37 +287,32 @@ class _QuinticBasis:
         values = diags(np.sqrt(half * weights).ravel()) @ values
         return values.T @ values
 
-    def sums(self, samples: np.ndarray) -> np.ndarray:
-        """B'x (m, d) of samples x (n, d): all that a fit needs of them."""
-        return self.design.T @ samples
-
-    def fit(self, sums: np.ndarray, penalties: np.ndarray) -> np.ndarray:
+    def fit(self, samples: np.ndarray, penalties: np.ndarray) -> np.ndarray:
         """Coefficients (m, d) of the penalised least squares fit, with penalties (d,), to samples
-        with these sums (m, d).
+        (n, d).
         """
-        from scipy.linalg import solveh_banded
+        from scipy.linalg.lapack import dpbsv
 
-        found = np.empty_like(sums)
-        for penalty in np.unique(penalties):
+        found = self._transposed @ samples
+        for penalty in set(penalties.tolist()):
             columns = penalties == penalty
-            matrix = self.gram + penalty * self.roughness
-            bands = [
-                np.append(matrix.diagonal(-k), np.zeros(k))
-                for k in range(min(DEGREE + 1, len(sums)))
-            ]
-            try:
-                found[:, columns] = solveh_banded(np.array(bands), sums[:, columns], lower=True)
-            except np.linalg.LinAlgError as error:
+            bands = self._bands[0] + penalty * self._bands[1]
+            _, found[:, columns], failed = dpbsv(bands, found[:, columns], lower=True)
+            if failed:
                 raise ValueError(
-                    f"the stamps do not determine the smoothing spline ({error}); drop stamps that"
-                    " nearly repeat"
-                ) from error
+                    "the stamps do not determine the smoothing spline; drop stamps that nearly"
+                    " repeat"
+                )
         return found
 
-    def evaluate(self, coefficients: np.ndarray, stamps: np.ndarray, order: int) -> np.ndarray:
-        """Derivative of the given order (n, d) of a spline with coefficients (m, d) at stamps
-        (n,).
-        """
+    def spline(self, coefficients: np.ndarray) -> Any:
+        """The SciPy spline with coefficients (m, d)."""
         from scipy.interpolate import BSpline
 
-        return BSpline(self.knots, coefficients, DEGREE)(stamps, nu=order)
+        return BSpline.construct_fast(self.knots, coefficients, DEGREE)
+
+
+def _bands(matrix: Any) -> np.ndarray:
+    """Main diagonal and those below it (6, m) of a sparse symmetric matrix, as LAPACK has them."""
+    wide = min(DEGREE + 1, matrix.shape[0])
+    return np.array([np.append(matrix.diagonal(-k), np.zeros(k)) for k in range(wide)])

@@ -119,9 +119,8 @@ class AttractorModel(SavableModel):
                 samples, frames, weights, OVERLAP if self.overlap is None else self.overlap
             )
         else:
-            fitted = self._mixture.fit(samples, frames, weights, rng=rng)
-            if self._GROWS and self.overlap is not None:
-                fitted.fit_around(samples, frames, weights, self.overlap)
+            grown = {"overlap": self.overlap} if self._GROWS else {}
+            fitted = self._mixture.fit(samples, frames, weights, rng=rng, **grown)
         self.mixture_, self.n_demonstrations_ = self._with_outputs(fitted), len(samples)
 
     def _with_outputs(self, mixture: Any) -> Any:

@@ -32,7 +32,7 @@ def normalise(quaternions: ArrayLike) -> np.ndarray:
         For one of length zero.
     """
     quaternions = as_samples(quaternions, "quaternions", 4)
-    lengths = np.linalg.norm(quaternions, axis=1)
+    lengths = np.sqrt(np.einsum("ni,ni->n", quaternions, quaternions))
     if lengths.min() < 1e-6:
         raise ValueError(
             f"quaternion {int(lengths.argmin())} has length {lengths.min():.3g}; it says no"
@@ -45,10 +45,14 @@ def make_continuous(quaternions: ArrayLike) -> np.ndarray:
     """Unit quaternions (n, 4) with signs such that neighbours have a non-negative dot product; the
     first keeps its sign.
     """
-    quaternions = normalise(quaternions)
-    flips = np.einsum("ni,ni->n", quaternions[1:], quaternions[:-1]) < 0
-    signs = np.concatenate([[1.0], np.where(flips, -1.0, 1.0)]).cumprod()
-    return quaternions * signs[:, None]
+    return _continuous(normalise(quaternions))
+
+
+def _continuous(unit_quaternions: np.ndarray) -> np.ndarray:
+    flips = np.einsum("ni,ni->n", unit_quaternions[1:], unit_quaternions[:-1]) < 0
+    if not flips.any():
+        return unit_quaternions
+    return unit_quaternions * np.append(1.0, np.where(flips, -1.0, 1.0).cumprod())[:, None]
 
 
 def multiply(left: ArrayLike, right: ArrayLike) -> np.ndarray:
@@ -134,19 +138,18 @@ def angles_from_quaternions(
         (n, 4).
     """
     unit = normalise(quaternions)
-    ahead, side = (unchecked.rotate(unit, axis) for axis in np.eye(3)[[2, 1]])
-    alpha, beta = pointing_angles(ahead).T
-    # With roll = 0 the y axis would be `left`; roll turns it towards `up`.
-    left = np.stack([-np.sin(beta) * np.cos(alpha), np.cos(beta), -np.sin(beta) * np.sin(alpha)])
-    up = np.stack([-np.sin(alpha), np.zeros_like(alpha), np.cos(alpha)])
-    roll = np.arctan2((side * up.T).sum(axis=1), (side * left.T).sum(axis=1))
-    return np.column_stack([_unwrapped(alpha, alpha_near), beta, _unwrapped(roll, roll_near)])
-
-
-def _unwrapped(angles: np.ndarray, near: float) -> np.ndarray:
-    """Angles (n,) without jumps, the first within half a turn of another one [rad]."""
-    angles = np.unwrap(angles)
-    return angles + 2.0 * np.pi * np.ceil((near - angles[0]) / (2.0 * np.pi) - 0.5)
+    ahead, (x, y, z) = (unchecked.rotate(unit, axis).T for axis in np.eye(3)[[2, 1]])
+    alpha, beta = (
+        np.arctan2(ahead[2], ahead[0]),
+        np.arctan2(ahead[1], np.hypot(ahead[0], ahead[2])),
+    )
+    sine, cosine = np.sin(alpha), np.cos(alpha)
+    # With roll = 0 the y axis (x, y, z) would point to the left; roll turns it up.
+    up, left = cosine * z - sine * x, np.cos(beta) * y - np.sin(beta) * (cosine * x + sine * z)
+    roll = np.arctan2(up, left)
+    smooth, near = np.unwrap([alpha, roll]), np.array([[alpha_near], [roll_near]])
+    smooth += 2.0 * np.pi * np.ceil((near - smooth[:, :1]) / (2.0 * np.pi) - 0.5)
+    return np.stack([smooth[0], beta, smooth[1]], axis=1)
 
 
 def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
@@ -158,12 +161,11 @@ def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
     angles
         Alpha, beta, roll.
     """
-    sines, cosines = (part(0.5 * as_samples(angles, "angles", 3)) for part in (np.sin, np.cos))
-    about = np.zeros((3, len(sines), 4))
-    for k, (axis, sign) in enumerate(((1, -1.0), (2, 1.0), (0, 1.0))):
-        about[k, :, axis], about[k, :, 3] = sign * sines[:, k], cosines[:, k]
-    quarter = np.sqrt(0.5) * np.array([0.0, 1.0, 0.0, 1.0])
-    return make_continuous(product(product(about[0], about[1]), product(about[2], quarter)))
+    half = 0.5 * as_samples(angles, "angles", 3).T
+    (a, b, r), (ca, cb, cr) = np.sin(half), np.cos(half)
+    pointing = np.stack([-a * b, -a * cb, ca * b, ca * cb], axis=1)  # R_y(-alpha) R_z(beta)
+    rolled = np.sqrt(0.5) * np.stack([r, cr, r, cr], axis=1)  # R_x(roll) R_y(90 deg)
+    return _continuous(product(pointing, rolled))
 
 
 def angular_velocity(time: ArrayLike, quaternions: ArrayLike) -> np.ndarray:

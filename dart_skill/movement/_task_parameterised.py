@@ -301,9 +301,15 @@ class TaskParameterisedMixture(EMEstimator, SavableModel):
         weights: Weights = None,
         *,
         rng: np.random.Generator | None = None,
+        overlap: float | None = None,
     ) -> TaskParameterisedMixture:
         """EM on demonstrations (n_i, m) in the world with P frames each; weights per
         demonstration, per sample (a list of arrays), or None.
+
+        Parameters
+        ----------
+        overlap
+            If given, `fit_around` follows.
 
         Raises
         ------
@@ -322,7 +328,7 @@ class TaskParameterisedMixture(EMEstimator, SavableModel):
             least_scales(taught, weights),
         )
         self._set(fitted, taught.world.shape[1])
-        return self
+        return self if overlap is None else self._fit_around(taught, weights, overlap)
 
     def _starter(
         self, time: np.ndarray, rng: np.random.Generator | None
@@ -379,7 +385,11 @@ class TaskParameterisedMixture(EMEstimator, SavableModel):
             Standard deviation of a component in time, in units of the share of all time that EM
             gave to it, its prior. So components that shared a time are not wide each.
         """
-        taught, weights = _with_weight(samples, frames, weights)
+        return self._fit_around(*_with_weight(samples, frames, weights), overlap)
+
+    def _fit_around(
+        self, taught: TaskSamples, weights: np.ndarray, overlap: float
+    ) -> TaskParameterisedMixture:
         time = shared_time(taught.blocks)
         deviations = (
             as_number(overlap, "overlap", 1e-3, strict=False)
@@ -543,7 +553,7 @@ def frame_products(
     """
     n, (_, k, m) = len(situation.seen), means.shape
     n_others = m - n_shared
-    order = np.roll(np.arange(m), -n_shared)  # shared features are the last unknowns
+    order = [*range(n_shared, m), *range(n_shared)]  # shared features are the last unknowns
     seen = situation.seen[:, :, None, None]
     mapped = means @ np.swapaxes(situation.A, -1, -2) + situation.b[:, :, None]
     about = (seen * mapped).sum(axis=1) / seen.sum(axis=1)

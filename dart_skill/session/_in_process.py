@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.arm import Command, Commander, CommanderSettings, Grip, Mode, ThrowPlan
+from dart_skill.arm import Command, Commander, CommanderSettings, Grip, Mode, MotionPlan
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.surface import game_at
 from dart_skill.common.world import THROW, THROW_BODIES, the_world
@@ -161,7 +161,7 @@ class Session(StepLoop):
         self.plant.reset()
         return trials
 
-    def throw(self, plan: ThrowPlan) -> Trial:
+    def throw(self, plan: MotionPlan) -> Trial:
         """One planned throw.
 
         Parameters
@@ -170,10 +170,10 @@ class Session(StepLoop):
             From a skill.
         """
         self._look_after_the_arm()
-        self._begin(plan.target, no_push)
-        self.commander.execute(plan.motion)
+        self._begin(plan.thrown.target, no_push)
+        self.commander.execute(plan)
         return self._carry_out(
-            plan.target, no_push, lambda: self.commander.mode in RESTING, "throw"
+            plan.thrown.target, no_push, lambda: self.commander.mode in RESTING, "throw"
         )
 
     def _guided_throw(self, target: np.ndarray, correct: bool) -> Trial:

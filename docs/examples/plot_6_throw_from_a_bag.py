@@ -27,7 +27,7 @@ basket = np.array([1.9, 0.7, 0.4])  # centre of the rim [m]
 plan = skill.plan(basket)
 print(
     f"releases after {plan.release:.2f} s; comes down"
-    f" {1e3 * np.linalg.norm(plan.predicted_landing - basket):.1f} mm from the middle"
+    f" {1e3 * np.linalg.norm(plan.thrown.landing - basket):.1f} mm from the middle"
 )
 
 # %% The throw --------- The simulated arm has friction, motor limits and a hand that opens late.

@@ -24,6 +24,7 @@ from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.verbs.trials import own_darts, throw_dart
 from tests.integration.conftest import graphs
+from tests.integration.plan_messages import throw_plan_msg
 from tests.paths import CONFIG
 
 SEED, SHOWN, UNKNOWN, THROWS = 0, 2, 4, 6
@@ -201,7 +202,7 @@ def test_the_bag_teaches_the_same_without_nodes(graph, skill, tmp_path, capsys):
     again = learner.plan(skill.aimed(as_target("T20"))).plan
     # a message has the aim as right and up from the bull, whose last bit is another one than that
     # of the point
-    told = conversions.throw_plan_msg(again, "world", skill)
+    told = throw_plan_msg(again, skill)
     assert same_plan(
         conversions.throw_plan(told, skill), conversions.throw_plan(graph.first, skill)
     )

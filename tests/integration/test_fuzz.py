@@ -43,6 +43,7 @@ from dart_skill_nodes.executables.teacher import TeacherNode
 from dart_skill_nodes.executables.wam_simulator import WamSimulator
 from tests.integration.conftest import plan_request
 from tests.integration.nasty import NUMBERS, nasty, spoil
+from tests.integration.plan_messages import throw_plan_msg
 from tests.paths import BAGS
 
 SHOWN = read_demonstrations(BAGS / "demonstrations")[:4]
@@ -224,7 +225,7 @@ def test_a_trial_with_a_few_wrong_numbers_is_kept_or_refused(nodes, thrown, rand
     demonstration, plan = thrown
     request = AddTrial.Request(
         trial=conversions.demonstration_msg(demonstration),
-        plan=conversions.throw_plan_msg(plan, "world"),
+        plan=throw_plan_msg(plan),
     )
     spoil(random.choice((request.trial, request.plan)), random)
     request.trial.id = f"trial {random.random()}"

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dart_skill.arm import GainsOverTime, Pace, same_plan
+from dart_skill.arm import GainsOverTime, Grip, GripEvent, Pace, same_plan
 from dart_skill.common.pace import PhaseRule
 from dart_skill_nodes.comms import conversions
+from tests.integration.plan_messages import throw_plan_msg
 from tests.unit.conftest import planned_swing
 
 PLAN = planned_swing()
@@ -30,8 +31,9 @@ CHANGING = replace(PLAN, position_gains=GainsOverTime(SOLID, 0.1 * SOLID))
 )
 def test_a_plan_comes_out_as_it_went_in(plan):
     # a duration counts nanoseconds
-    times = {name: round(getattr(plan, name) * 1e9) * 1e-9 for name in ("release", "open_hand")}
-    back = conversions.throw_plan(conversions.throw_plan_msg(plan, "world"))
+    release, told = (round(time * 1e9) * 1e-9 for time in (plan.release, plan.open_hand))
+    times = {"end": release, "events": (GripEvent(told, Grip.OPEN, release),)}
+    back = conversions.throw_plan(throw_plan_msg(plan))
     path = replace(back.path, time=plan.path.time)
     assert np.abs(back.path.time - plan.path.time).max() < 1e-9
     assert same_plan(replace(back, path=path, **times), replace(plan, **times))
@@ -60,7 +62,7 @@ def test_a_plan_comes_out_as_it_went_in(plan):
     ],
 )
 def test_what_does_not_fit_is_refused_by_name(plan, field, values, why):
-    message = conversions.throw_plan_msg(plan, "world")
+    message = throw_plan_msg(plan)
     setattr(message, field, values)
     with pytest.raises(ValueError, match=why):
-        conversions.throw_plan(message).motion  # noqa: B018 - its shapes are checked there
+        conversions.throw_plan(message)

@@ -19,7 +19,7 @@ import pinocchio
 import scipy.linalg
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import ThrowPlan
+from dart_skill.arm import MotionPlan
 from dart_skill.common.regions import targets_for
 from dart_skill.experiments.studies import arm_darts, practice
 from dart_skill.recording import read_demonstrations
@@ -75,12 +75,13 @@ def exact(values) -> list[str]:
     return [float(value).hex() for value in np.ravel(values)]
 
 
-def digest_of(plan: ThrowPlan) -> str:
+def digest_of(plan: MotionPlan) -> str:
     """Digest of every number of a plan, whatever its configuration is called."""
     path, gains = plan.path, (plan.position_gains, plan.orientation_gains)
     digest = hashlib.sha256()
     for part in (
-        plan.target, plan.aim, plan.predicted_landing, path.time, path.position, path.quaternion, path.velocity, path.acceleration,
+        plan.thrown.target, plan.thrown.aim, plan.thrown.landing, path.time,
+        path.position, path.quaternion, path.velocity, path.acceleration,
         plan.attractor_position, plan.attractor_quaternion, *(value for gain in gains for value in (gain.stiffness, gain.damping)),
         plan.release, plan.open_hand, plan.start_posture,
     ):  # fmt: skip
@@ -96,7 +97,7 @@ def _planned(skill: ThrowingSkill, target: np.ndarray) -> dict:
         return {"refused": str(error)}
     return {
         "digest": digest_of(plan),
-        "aim": exact(plan.aim),
+        "aim": exact(plan.thrown.aim),
         "times": exact([plan.release, plan.open_hand]),
     }
 

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import ArmModel, Gains, HandPath, ThrowPlan
+from dart_skill.arm import (
+    ArmModel,
+    ExpectedThrow,
+    Gains,
+    Grip,
+    GripEvent,
+    HandPath,
+    MotionPlan,
+    Speed,
+)
 from dart_skill.common.flight import landing
 from dart_skill.session import Session
 from dart_skill.simulation import Plant, PlantSettings
@@ -124,12 +133,12 @@ def planned_swing(
         position[k] + arm, velocity[k, :3] + np.cross(velocity[k, 3:], arm), 0.4
     ).position
     gains = Gains(stiffness, damping)
-    return ThrowPlan(
-        target=landed, aim=landed, predicted_landing=landed,
+    return MotionPlan(
         path=HandPath(time, position, Rotation.from_matrix(rotation).as_quat(), velocity, acceleration),
         attractor_position=position + pull[:, :3], attractor_quaternion=attractor.as_quat(),
-        position_gains=gains, orientation_gains=gains, release=release, open_hand=release - 0.03,
-        start_posture=np.array(start),
+        position_gains=gains, orientation_gains=gains, start_posture=np.array(start),
+        end=release, what="throw", events=(GripEvent(release - 0.03, Grip.OPEN, release),),
+        carries=True, speed=Speed.THROW, throw=ExpectedThrow(landed, landed, landed),
     )  # fmt: skip
 
 

@@ -17,11 +17,11 @@ from dart_skill.arm import (
     ArmModel,
     CommanderSettings,
     Impedance,
+    MotionPlan,
     PlanRefused,
     PoseGains,
     Reference,
     References,
-    ThrowPlan,
     attractor_acceleration,
 )
 from dart_skill.common.constants import N_JOINTS
@@ -93,7 +93,7 @@ def run_seed(
 
 
 def grabbed_throw(
-    session: Session, kind: str, skill: ThrowingSkill, plan: ThrowPlan
+    session: Session, kind: str, skill: ThrowingSkill, plan: MotionPlan
 ) -> GrabbedThrow:
     """Throw with gains of a kind, and ask how hard the arm would have resisted."""
     trial = session.throw(plan)
@@ -109,7 +109,7 @@ def grabbed_throw(
     variance, axes = np.linalg.eigh(skill.covariance_along(plan)[steps])
     expected = np.column_stack([np.interp(time, path.time, one) for one in path.position.T])
     error = np.array([one.hand_position for one in states]) - expected
-    arm, references = Impedance(ArmModel(ball_in_hand=True)), References(plan.motion)
+    arm, references = Impedance(ArmModel(ball_in_hand=True)), References(plan)
     force, off = [], []
     for axis, k in ((-1, int(variance[:, -1].argmax())), (0, int(variance[:, 0].argmin()))):
         gains, state = references.gains_at(time[k]), states[k]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dart_skill.arm import ThrowPlan, wam_description
+from dart_skill.arm import MotionPlan, wam_description
 from dart_skill.common.flight import flight, landing
 from dart_skill.common.regions import targets_for
 from dart_skill.figures import HandRecording
@@ -74,9 +74,9 @@ def new_baskets(seed: int) -> np.ndarray:
     return targets_for(seed, N_DEMONSTRATIONS, N_NEW)[1]
 
 
-def miss_of(plan: ThrowPlan) -> float:
+def miss_of(plan: MotionPlan) -> float:
     """Distance from the basket to where the plan itself expects the ball [cm]."""
-    return 100 * float(np.linalg.norm((plan.predicted_landing - plan.target)[:2]))
+    return 100 * float(np.linalg.norm((plan.thrown.landing - plan.thrown.target)[:2]))
 
 
 def median_misses(seed: int, names: tuple[str, ...]) -> dict[str, float]:
@@ -123,7 +123,7 @@ class DrawnThrow(NamedTuple):
         return float(np.sqrt(np.mean(squares)))
 
 
-def planned(plan: ThrowPlan) -> DrawnThrow:
+def planned(plan: MotionPlan) -> DrawnThrow:
     """A plan, and the flight that it expects."""
     path = plan.path
     arm = rotate(path.quaternion, wam_description().hand.ball_centre[None])
@@ -131,9 +131,11 @@ def planned(plan: ThrowPlan) -> DrawnThrow:
     columns = np.hstack([path.position + arm, path.velocity[:, :3] + turning])
     at_release = np.array([np.interp(plan.release, path.time, column) for column in columns.T])
     position, velocity = np.split(at_release, 2)
-    times = np.linspace(0.0, float(landing(position, velocity, plan.target[2]).time), 61)
+    times = np.linspace(0.0, float(landing(position, velocity, plan.thrown.target[2]).time), 61)
     ball = flight(position, velocity, times)[0]
-    return DrawnThrow(path.time, path.position, path.quaternion, plan.release, ball, plan.target)
+    return DrawnThrow(
+        path.time, path.position, path.quaternion, plan.release, ball, plan.thrown.target
+    )
 
 
 def all_demonstrated(seed: int, name: str) -> list[DrawnThrow]:

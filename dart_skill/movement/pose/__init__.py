@@ -25,7 +25,6 @@ from dart_skill.movement.pose._primitives import (
     DiscretePosePrimitive,
     PoseState,
     PoseTrajectory,
-    RhythmicPosePrimitive,
 )
 from dart_skill.movement.pose._task_parameterised import TaskParameterisedPoseMixture
 
@@ -38,7 +37,6 @@ __all__ = [
     "PoseReproduction",
     "PoseState",
     "PoseTrajectory",
-    "RhythmicPosePrimitive",
     "TaskParameterisedPoseMixture",
     "angles_between",
     "exponential",

@@ -49,12 +49,12 @@ from dart_skill.skills.learning._representation import (
     Representation,
 )
 from dart_skill.skills.learning._task_frames import frames_for
+from dart_skill.skills.learning._throw_model import ThrowModel, credence_of
 from dart_skill.skills.learning._throwing import (
     LEAST_DEMONSTRATIONS,
     REACH_MARGIN,
     SIDE_MARGIN,
     ThrowingSkill,
-    credence_of,
     learn_prepared,
     learn_throwing,
 )
@@ -96,6 +96,7 @@ __all__ = [
     "SavedModel",
     "SolvedAim",
     "SolvedFlight",
+    "ThrowModel",
     "ThrowSettings",
     "ThrowingSkill",
     "Unreachable",

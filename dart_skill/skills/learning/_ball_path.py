@@ -33,11 +33,14 @@ def ball_states(
     up = centre[1] * math.sin(roll) - centre[0] * math.cos(roll)
     (ca, cb), (sa, sb) = np.cos(position[:, 3:].T), np.sin(position[:, 3:].T)
     far, y = ahead * cb - left * sb, ahead * sb + left * cb
-    lever = np.column_stack([far * ca - up * sa, y, far * sa + up * ca])
+    x, z = far * ca - up * sa, far * sa + up * ca
     # the angular velocity: -y at the rate of alpha, and the axis of beta at that of beta
-    turning = np.column_stack([-sa * velocity[:, 4], -velocity[:, 3], ca * velocity[:, 4]])
+    rate, turning = velocity[:, 3:].T
+    about_x, about_y, about_z = -sa * turning, -rate, ca * turning
+    lever = np.stack([x, y, z], axis=1)
+    swing = np.stack(
+        [about_y * z - about_z * y, about_z * x - about_x * z, about_x * y - about_y * x], axis=1
+    )
     cos, sin = math.cos(azimuth), math.sin(azimuth)
-    to_world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return position[:, :3] + lever @ to_world.T, velocity[:, :3] + np.cross(
-        turning, lever
-    ) @ to_world.T
+    to_world = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return position[:, :3] + lever @ to_world, velocity[:, :3] + swing @ to_world

@@ -9,11 +9,11 @@ import numpy as np
 
 from dart_skill.arm import HandPath
 from dart_skill.common.checks import to_the_nanosecond
+from dart_skill.common.quaternions import product
 from dart_skill.movement import (
     Reproduction,
     StateDriven,
     quaternions_from_angles,
-    turn_about_z,
     turn_matrix,
 )
 
@@ -149,7 +149,8 @@ class PlannedPath:
     def _quaternions(self, angles: np.ndarray) -> np.ndarray:
         """World orientations (n, 4) of alpha, beta (n, 2)."""
         rolled = np.column_stack([angles, np.full(len(angles), self.roll)])
-        return turn_about_z(quaternions_from_angles(rolled), self.azimuth)
+        turn = np.array([0.0, 0.0, np.sin(0.5 * self.azimuth), np.cos(0.5 * self.azimuth)])
+        return product(turn, quaternions_from_angles(rolled))
 
     @cached_property
     def _angular_velocity(self) -> np.ndarray:

@@ -23,6 +23,7 @@ from dart_skill.arm import (
     wam_description,
 )
 from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.quantiles import quantile
 from dart_skill.common.quaternions import from_vectors, product, rotate
 from dart_skill.common.surface import Game
 from dart_skill.common.world import the_world
@@ -356,7 +357,7 @@ def _start_pose(demonstration: Demonstration, azimuth: float, angles: np.ndarray
     d = demonstration
     at_rest = _or_first(d.hand_time <= d.motion_start - 0.05)
     position = d.hand_position[at_rest] @ turn_matrix(azimuth)
-    return np.median(np.hstack([position, angles[at_rest]]), axis=0)
+    return quantile(np.hstack([position, angles[at_rest]]), 0.5)
 
 
 def _start_posture(demonstration: Demonstration, azimuth: float) -> np.ndarray:
@@ -364,7 +365,7 @@ def _start_posture(demonstration: Demonstration, azimuth: float) -> np.ndarray:
     d = demonstration
     if not len(d.joint_time):
         return np.full(N_JOINTS, np.nan)
-    posture = np.median(d.joint_position[_or_first(d.joint_time <= d.motion_start)], axis=0)
+    posture = quantile(d.joint_position[_or_first(d.joint_time <= d.motion_start)], 0.5)
     posture[0] -= azimuth
     return posture
 

@@ -23,7 +23,7 @@ from dart_skill.skills.observation import position_noise
 
 if TYPE_CHECKING:
     from dart_skill.skills.learning._learned import LearnedSkill
-    from dart_skill.skills.protocol import Skill
+    from dart_skill.skills.protocol import Skill, ThrowSettings
 
 
 class Autonomous(Representation):
@@ -41,6 +41,13 @@ class Autonomous(Representation):
 
     drive = "state"
     tells_covariance = False
+    encodes_throws = True
+
+    @classmethod
+    def of_throws(cls, settings: ThrowSettings) -> AutonomousDSGMR:
+        return AutonomousDSGMR(
+            settings.components, settings.stiffness_of_features, **cls.mixture_of_throws(settings)
+        )
 
     @classmethod
     def refusal(cls, skill: Skill) -> str:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.arm import STRETCHED, Registration, ThrowPlan, wam_description
+from dart_skill.arm import STRETCHED, MotionPlan, Registration, wam_description
 from dart_skill.common.surface import BASKETS, Game
 from dart_skill.movement import rotate
 
@@ -67,7 +67,7 @@ def nearest_step(time: np.ndarray, when: np.ndarray | float) -> np.ndarray:
     return np.searchsorted(0.5 * (time[1:] + time[:-1]), when).clip(1, len(time) - 2)
 
 
-def landing_if_late(plan: ThrowPlan, late: ArrayLike, game: Game = BASKETS) -> np.ndarray:
+def landing_if_late(plan: MotionPlan, late: ArrayLike, game: Game = BASKETS) -> np.ndarray:
     """Where the ball comes down (..., 3) on the plane of the rim, or meets the board, if the hand
     follows the plan and the ball leaves it so late (...) [s]; one that leaves it before or after
     the path counts as leaving at its end.
@@ -77,7 +77,11 @@ def landing_if_late(plan: ThrowPlan, late: ArrayLike, game: Game = BASKETS) -> n
     k = nearest_step(path.time, when)
     steps = slice(k.min() - 1, k.max() + 2)
     hits = hits_along(
-        path.position[steps], path.quaternion[steps], path.velocity[steps], plan.target, game
+        path.position[steps],
+        path.quaternion[steps],
+        path.velocity[steps],
+        plan.thrown.target,
+        game,
     )
     three = (k - steps.start)[..., None] + np.arange(-1, 2)
     return np.einsum("...i,...ij->...j", weights_at(path.time, k, when), hits[three])

@@ -4,7 +4,7 @@ demonstrations once, asked for each new situation.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -33,11 +33,16 @@ from dart_skill.skills.learning._pose_features import (
 )
 from dart_skill.skills.learning._prepared import RATE, PreparedMovement
 from dart_skill.skills.observation import position_noise
-from dart_skill.skills.protocol import Part
+from dart_skill.skills.protocol import Part, Skill, SkillSettings, ThrowSettings, model_type
 
 if TYPE_CHECKING:
+    from dart_skill.movement import AutonomousDSGMR
     from dart_skill.skills.learning._learned import LearnedSkill
-    from dart_skill.skills.protocol import Skill
+
+TIMES_FOUND = 1e-3
+"""EM stops at this rise of the mean log-likelihood where components are fitted anew: only their
+times and shares are taken from it.
+"""
 
 
 class Encoded(NamedTuple):
@@ -48,9 +53,16 @@ class Encoded(NamedTuple):
     frames: list[list[TaskFrame]]
 
 
+def learns_throws(skill: Skill) -> bool:
+    """Whether what a skill learns are throws, over the position and two angles of the hand."""
+    from dart_skill.skills.learning._throwing import ThrowingSkill
+
+    return issubclass(model_type(skill), ThrowingSkill)
+
+
 class Representation(Part):
-    """Base of the representations of poses of the hand; those of throws use `drive`, `partition`
-    and `tells_covariance` alone.
+    """Base of the representations: of poses of the hand, made of a `LearnedSkill`, and of throws,
+    which ask for `of_throws` alone.
 
     Parameters
     ----------
@@ -65,18 +77,50 @@ class Representation(Part):
         How components divide time: "time", at equal intervals, or "em".
     tells_covariance
         Whether the covariance of the attractor is known.
+    encodes_throws
+        Whether it has a model of throws (`of_throws`).
     """
 
     drive = "time"
     partition = "time"
     tells_covariance = True
+    encodes_throws = False
+
+    @classmethod
+    def refusal(cls, skill: Skill) -> str:
+        if learns_throws(skill) and not cls.encodes_throws:
+            return "throws are learned over the position and two angles of the hand"
+        return ""
+
+    @classmethod
+    def of_throws(cls, settings: ThrowSettings) -> DSGMR | AutonomousDSGMR:
+        """The model that is fitted to throws: over time, the distance where the settings say so,
+        and attractors of x, y, z, alpha, beta.
+        """
+        raise NotImplementedError
+
+    @classmethod
+    def overlap(cls, settings: SkillSettings) -> float | None:
+        """Width of components that are fitted anew about the times that EM found; None: they stay
+        as EM made them.
+        """
+        return settings.overlap or None if cls.partition == "em" else None
+
+    @classmethod
+    def mixture_of_throws(cls, settings: ThrowSettings) -> dict[str, Any]:
+        """Hyper-parameters of the mixture of a model of throws."""
+        overlap = cls.overlap(settings)
+        n_inputs = int(settings.distance_input)
+        how: dict[str, Any] = {
+            "n_inputs": n_inputs,
+            "partition": cls.partition,
+            "overlap": overlap,
+        }
+        how |= {"n_shared": 1 + n_inputs} if settings.inputs_once else {}
+        return how | ({"tolerance": TIMES_FOUND} if overlap else {})
 
     def __init__(self, shown: LearnedSkill):
         self.shown, self.settings = shown, shown.skill.settings
-
-    @property
-    def _overlap(self) -> float | None:
-        return self.settings.overlap or None if self.partition == "em" else None
 
     def _inputs(self, situation: Situation) -> list[float]:
         return list(self.shown.skill.inputs(situation))
@@ -132,6 +176,14 @@ class EqualIntervals(ClockedRepresentation):
     equal intervals of time.
     """
 
+    encodes_throws = True
+
+    @classmethod
+    def of_throws(cls, settings: ThrowSettings) -> DSGMR:
+        return DSGMR(
+            settings.components, settings.stiffness_of_features, **cls.mixture_of_throws(settings)
+        )
+
     def __init__(self, shown: LearnedSkill):
         super().__init__(shown)
         self._models = {vector: self._learned(vector) for vector in VECTORS}
@@ -154,7 +206,7 @@ class EqualIntervals(ClockedRepresentation):
             stiffness,
             n_inputs=len(inputs[0]),
             partition=self.partition,
-            overlap=self._overlap,
+            overlap=self.overlap(self.settings),
         )
         motions = [self._motion(one, vector, clock) for one in movements]
         attractors = [attractor_from_motion(*one, stiffness) for one in motions]
@@ -236,15 +288,6 @@ class FoundComponents(EqualIntervals):
 
 class OnManifold(ClockedRepresentation):
     """DS-GMR of position and orientation together, on R^3 x S3."""
-
-    @classmethod
-    def refusal(cls, skill: Skill) -> str:
-        from dart_skill.skills.learning._learned import LearnedSkill
-        from dart_skill.skills.protocol import model_type
-
-        if not issubclass(model_type(skill), LearnedSkill):
-            return "throws are learned over the position and two angles of the hand"
-        return ""
 
     def __init__(self, shown: LearnedSkill):
         super().__init__(shown)

@@ -14,47 +14,44 @@ module adds what is particular to throwing:
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from dart_skill.arm import Gains, GainsOverTime, Pace, ThrowPlan, fit_registration, wam_description
+from dart_skill.arm import (
+    ExpectedThrow,
+    Gains,
+    GainsOverTime,
+    GripEvent,
+    MotionPlan,
+    Pace,
+    Speed,
+    wam_description,
+)
 from dart_skill.common.checks import to_the_nanosecond
-from dart_skill.mixture import GaussianMixture
+from dart_skill.common.constants import Grip
 from dart_skill.movement import (
     DSGMR,
-    AutonomousDSGMR,
     Motion,
-    TaskFrame,
-    angles_from_quaternions,
     attractor_with_gains,
     azimuth_of,
     choose_width,
-    gaussian_weights,
-    nearest_weights,
-    quaternions_from_angles,
     stable_gains,
     stiffness_from_covariance,
-    turn_about_z,
-    turn_matrix,
 )
 from dart_skill.recording import Demonstration
 from dart_skill.skills.learning._ball_path import ball_states
 from dart_skill.skills.learning._planned_path import PlannedPath
 from dart_skill.skills.learning._preparation import PreparedThrow, prepare
-from dart_skill.skills.learning._refinement import PlannedThrow, Refinement, Unreachable
+from dart_skill.skills.learning._refinement import PlannedThrow, Unreachable
 from dart_skill.skills.learning._release import hit_at
 from dart_skill.skills.learning._task_frames import frames_for
-from dart_skill.skills.protocol import DEFAULT, Skill, ThrowSettings, general_part, part_of
+from dart_skill.skills.learning._throw_model import Model, ThrowModel
+from dart_skill.skills.protocol import DEFAULT, Skill, ThrowSettings
 
 LEAST_DEMONSTRATIONS = 2
-MARGIN = 0.05
-"""Time before the start and after the stop of a motion that is learned, too [s]."""
 REACH_MARGIN = 0.25
 """How far beyond the demonstrated distances a plan may aim, as a share of them: docs/throwing.md has
 what comes of it.
@@ -64,101 +61,22 @@ SIDE_MARGIN = np.deg2rad(45.0)
 LONGEST_DRIVE = 1.5
 """A movement that is driven by the state may take so many times as long as shown."""
 AT_REST = np.zeros(5)
-TIMES_FOUND = 1e-3
-"""EM stops at this rise of the mean log-likelihood where components are fitted anew: only their
-times and shares are taken from it.
-"""
-FINE = 1e-3
-"""Noise of a recorded hand [m] up to which a demonstration counts in full, however much better the
-others were seen.
-"""
-
-Model = DSGMR | AutonomousDSGMR
 
 
-class ThrowingSkill:
-    """A throwing skill learned from demonstrations. `learn` and `learn_prepared` make one.
-
-    Parameters
-    ----------
-    configuration
-        How demonstrations become a model and a model becomes a plan.
-    throws
-        Demonstrations prepared for this configuration.
-    refinement
-        What is solved for before a plan; None: what the configuration names.
-
-    Attributes
-    ----------
-    surface
-        On which throws come down.
-    credence
-        (n,) from 0 to 1, how much each of them counts (`credence_of`).
-    release
-        Float [s], mean release on the clock that the demonstrations share.
-    registration
-        Of cameras and arm, told from the demonstrations.
-    seat
-        (3,) [m], centre of the held ball in the frame of the hand's tracked body, the median of
-        what was seen.
-    hand_delay
-        Float [s], median time from the command to the release; 0 if no command was seen.
-    width
-        Float [m], width of the Gaussian that weights the demonstrations; 0 if all count alike.
+class ThrowingSkill(ThrowModel):
+    """A throwing skill learned from demonstrations. `learn` and `learn_prepared` make one; its
+    parameters and attributes are those of `ThrowModel`.
     """
 
     def __init__(
         self,
         configuration: ThrowSettings,
         throws: Sequence[PreparedThrow],
-        refinement: Refinement | None = None,
+        skill: Skill | None = None,
     ):
-        self.configuration = configuration
-        self.throws = tuple(throws)
-        self.refinement = refinement or general_part("refinement", configuration.refinement)()
-        self.surface = configuration.game.surface
-        self._tasks = np.array([throw.task for throw in throws])
-        self.credence = credence_of([throw.noise for throw in throws])
-        self._start = float(np.median([throw.start for throw in throws])) - MARGIN
-        self._stop = float(np.median([throw.stop for throw in throws]))
-        self._moving = [throw.between(self._start, self._stop + MARGIN) for throw in throws]
-        self.release = float(
-            np.average([throw.release_time for throw in throws], weights=self.credence)
-        )
-        self._start_pose = np.median([throw.start_pose for throw in throws], axis=0)
-        self._posture = _median_posture([throw.start_posture for throw in throws])
-        self.registration = fit_registration(
-            [throw.sightings for throw in throws], configuration.registration
-        )
-        self.hand_delay = _median_of_seen(
-            [throw.hand_delay - self.registration.delay for throw in throws]
-        )
-        self.seat = np.median([throw.release.grip for throw in throws], axis=0)
-        self.width = configuration.width
-        self._whole = None if self.is_local else self._fit(self.credence)
+        super().__init__(configuration, throws, skill)
         if configuration.widths:
             self.width = choose_width(self._places, configuration.widths, self._predicts).width
-
-    @cached_property
-    def model_id(self) -> str:
-        """Digest of what the model was made from: equal demonstrations and configuration give an
-        equal name.
-        """
-        digest = hashlib.sha256(repr(self.configuration).encode())
-        for throw in self.throws:
-            for part in (throw.task, throw.time, throw.attractor):
-                digest.update(np.ascontiguousarray(part).tobytes())
-        return digest.hexdigest()[:16]
-
-    @cached_property
-    def posture_id(self) -> str:
-        """Digest of what plans are made from besides: start posture, registration, seat of the
-        ball and delay of the hand.
-        """
-        digest = hashlib.sha256(repr(self.registration).encode())
-        for part in (self._posture, self.seat, np.array(self.hand_delay)):
-            digest.update(np.ascontiguousarray(part).tobytes())
-        return digest.hexdigest()[:16]
 
     @classmethod
     def of(cls, skill: Skill, throws: Sequence[PreparedThrow]) -> ThrowingSkill:
@@ -166,7 +84,7 @@ class ThrowingSkill:
         assert isinstance(skill.settings, ThrowSettings)
         _check_enough(throws)
         skill.check_settings()
-        return cls(skill.settings, throws, part_of(skill, "refinement")())
+        return cls(skill.settings, throws, skill)
 
     @classmethod
     def learned(cls, skill: Skill, demonstrations: Sequence[Demonstration]) -> ThrowingSkill:
@@ -179,17 +97,7 @@ class ThrowingSkill:
         assert isinstance(skill.settings, ThrowSettings)
         return prepare(demonstration, skill.settings)
 
-    @property
-    def ids(self) -> tuple[str, ...]:
-        """Of the demonstrations."""
-        return tuple(throw.id for throw in self.throws)
-
-    @property
-    def facts(self) -> tuple[str, ...]:
-        """What there is to say of the model."""
-        return (f"the hand opens {1e3 * self.hand_delay:.0f} ms after it is told to",)
-
-    def plan(self, target: np.ndarray) -> ThrowPlan:
+    def plan(self, target: np.ndarray) -> MotionPlan:
         """A throw at the basket whose rim is centred at target (3,) [m], or at a target on the
         board.
 
@@ -209,46 +117,6 @@ class ThrowingSkill:
         other.release = self.release + later
         return other
 
-    def mixture(self, target: np.ndarray) -> GaussianMixture:
-        """The mixture (7.21) in the world for one task parameter (3,)."""
-        target = np.asarray(target, dtype=float)
-        return self.model_for(target).product(self._frames_for(target))
-
-    def frame_mixtures(self, target: np.ndarray) -> list[GaussianMixture]:
-        """The mixture of each task frame alone, in the world, for one task parameter (3,): the
-        factors of `mixture` (7.21).
-        """
-        target = np.asarray(target, dtype=float)
-        model, frames = self.model_for(target), self._frames_for(target)
-        return [
-            model.product([frame if k == one else None for k, frame in enumerate(frames)])
-            for one in range(len(frames))
-        ]
-
-    # learning
-
-    def model_for(self, task: np.ndarray) -> Model:
-        """The fitted DS-GMR for a task (3,): the same for all tasks, or one fitted to the
-        demonstrations near it (8.4.2).
-        """
-        return self._whole if self._whole is not None else self._fit(self._weights(task))
-
-    def bic(self) -> float:
-        """Bayesian information criterion of the model of all demonstrations: lower is better.
-
-        Raises
-        ------
-        ValueError
-            Where each target has its own.
-        """
-        if self._whole is None:
-            raise ValueError(
-                f"'{self.configuration.name}' has a model for each target, and BIC compares"
-                " nothing: take cross_validation"
-            )
-        _, shown = self._encoded(np.arange(len(self.throws)))
-        return self._whole.bic(**shown, weights=self.credence)
-
     def left_out_error(self) -> float:
         """Distance of where a ball would land from where it did, of each demonstration by a model
         of the others: root mean square [m].
@@ -258,87 +126,6 @@ class ThrowingSkill:
         others = self.credence * (1.0 - np.eye(len(self.throws)))
         squares = [-self._predicts(i, weights) for i, weights in enumerate(others)]
         return float(np.sqrt(np.mean(squares))) if np.isfinite(squares).all() else float("inf")
-
-    def _fit(self, weights: np.ndarray) -> Model:
-        """DS-GMR fitted to the demonstrations with weights (n,); those with weight 0 are left out."""
-        used = np.flatnonzero(weights)
-        if not len(used):
-            raise Unreachable(
-                f"no demonstration is near enough for '{self.configuration.name}' to learn from:"
-                " teach one there"
-            )
-        model, shown = self._encoded(used)
-        return model.fit(**shown, weights=weights[used])
-
-    def _encoded(self, used: np.ndarray) -> tuple[Model, dict[str, Any]]:
-        """A model, not fitted yet, and some of the demonstrations as it takes them."""
-        c, moving = self.configuration, [self._moving[i] for i in used]
-        representation = general_part("representation", c.representation)
-        kind = AutonomousDSGMR if representation.drive == "state" else DSGMR
-        overlap = c.overlap if representation.partition == "em" else 0.0
-        how: dict[str, Any] = {
-            "n_inputs": int(c.distance_input),
-            "partition": representation.partition,
-            "overlap": overlap or None,
-        }
-        how |= {"n_shared": 1 + int(c.distance_input)} if c.inputs_once else {}
-        how |= {"tolerance": TIMES_FOUND} if overlap else {}
-        model = kind(c.components, c.stiffness_of_features, **how)
-        frames = [frames_for(self.throws[i].task, self.throws[i].motion[0], c) for i in used]
-        if isinstance(model, DSGMR):
-            features = [
-                model.features(one.time, one.attractor, self._inputs(one.reach)) for one in moving
-            ]
-            return model, {"attractors": features, "frames": frames}
-        return model, {
-            "times": [one.time for one in moving],
-            "motions": [(one.motion, one.velocity) for one in moving],
-            "frames": frames,
-            "attractors": [one.attractor for one in moving],
-            "inputs": [[one.reach] for one in moving] if c.distance_input else None,
-        }
-
-    def _inputs(self, reach: float) -> list[float] | None:
-        """Further inputs of the regression beside time."""
-        return [reach] if self.configuration.distance_input else None
-
-    def _frames_for(self, task: np.ndarray) -> list[TaskFrame]:
-        return frames_for(task, self._start_features(task)[0], self.configuration)
-
-    # which demonstrations count
-
-    @property
-    def is_local(self) -> bool:
-        """Whether each target has a model of its own."""
-        return self.width > 0 or self.configuration.nearest > 0 or bool(self.configuration.widths)
-
-    def _weights(self, task: np.ndarray) -> np.ndarray:
-        """Weight of each demonstration for a task (8.4.2 and chapter 9): by the distance of their
-        places.
-        """
-        place = self._place(task[None])[0]
-        if self.configuration.nearest:
-            return self.credence * nearest_weights(self._places, place, self.configuration.nearest)
-        return self.credence * gaussian_weights(self._places, place, self.width)
-
-    def _place(self, tasks: np.ndarray) -> np.ndarray:
-        """What of tasks (n, 3) makes throws differ: in turned frames the reach alone (n, 1), else
-        the place on the floor (n, 2).
-        """
-        return (
-            self.surface.coordinates(tasks)[:, :1]
-            if self.configuration.frames_turn
-            else tasks[:, :2]
-        )
-
-    @property
-    def shown_coordinates(self) -> np.ndarray:
-        """Reach [m] and azimuth [rad] of where the demonstrations went (n, 2)."""
-        return self.surface.coordinates(self._tasks)
-
-    @property
-    def _places(self) -> np.ndarray:
-        return self._place(self._tasks)
 
     def _predicts(self, i: int, weights: np.ndarray) -> float:
         """How well a model learned with weights predicts where demonstration i landed: minus the
@@ -350,8 +137,6 @@ class ThrowingSkill:
         except Unreachable:
             return float("nan")
         return -(self.surface.apart(predicted, task) ** 2)
-
-    # the aim
 
     def _checked(self, target: np.ndarray) -> np.ndarray:
         target = np.asarray(target, dtype=float)
@@ -379,8 +164,6 @@ class ThrowingSkill:
                 f" reach from {np.rad2deg(right):.0f} to {np.rad2deg(left):.0f} degrees"
             )
         return target
-
-    # the movement and its release
 
     def throw_for(self, task: np.ndarray, model: Model | None = None) -> PlannedThrow:
         """The throw for a task parameter (3,) [m], whose hand opens as the refinement has it.
@@ -436,22 +219,6 @@ class ThrowingSkill:
         time = course.time + self.release - np.interp(self.release, phase, course.time)
         return replace(course, time=time).part(0, int(np.count_nonzero(time <= self._stop)))
 
-    def _start_features(self, task: np.ndarray) -> tuple[np.ndarray, float]:
-        """Where the hand is before it moves: the demonstrations' start turned to the task's
-        azimuth.
-
-        x, y, z, alpha, beta (5,) and the roll, which the throw keeps (8.4.1).
-        """
-        azimuth = azimuth_of(task)
-        position = turn_matrix(azimuth) @ self._start_pose[:3]
-        turn = azimuth - self.configuration.angle_azimuth(azimuth)
-        angles = self._start_pose[3:]
-        if turn:
-            angles = angles_from_quaternions(
-                turn_about_z(quaternions_from_angles(angles[None]), turn)
-            )[0]
-        return np.concatenate([position, angles[:2]]), float(angles[2])
-
     def _around_release(self, course: PlannedPath) -> PlannedPath:
         """The part of a course in which the release can be."""
         earliest, latest = self.refinement.window(self)
@@ -460,11 +227,11 @@ class ThrowingSkill:
         )
         return course.part(min(first, len(course.time) - 3), stop)
 
-    def covariance_along(self, plan: ThrowPlan) -> np.ndarray:
+    def covariance_along(self, plan: MotionPlan) -> np.ndarray:
         """How differently the demonstrations went along a plan: covariance (n, 3, 3) of the
         attractor at its instants [m^2], (3.5).
         """
-        return self._covariance(plan.aim, self._start + plan.path.time)
+        return self._covariance(plan.thrown.aim, self._start + plan.path.time)
 
     def _covariance(self, aim: np.ndarray, time: np.ndarray) -> np.ndarray:
         model = self.model_for(aim)
@@ -495,7 +262,7 @@ class ThrowingSkill:
             course, attractor=np.hstack([attractor, course.attractor[:, 3:]])
         ), GainsOverTime(stiffness, damping)
 
-    def _as_plan(self, target: np.ndarray, aim: np.ndarray, throw: PlannedThrow) -> ThrowPlan:
+    def _as_plan(self, target: np.ndarray, aim: np.ndarray, throw: PlannedThrow) -> MotionPlan:
         c = self.configuration
         course, gains = (
             self._with_gains(aim, throw.course)
@@ -503,21 +270,23 @@ class ThrowingSkill:
             else (throw.course, Gains.critical(c.stiffness))
         )
         release = to_the_nanosecond(throw.release - course.time[0])
-        return ThrowPlan(
-            target=target,
-            aim=aim,
-            predicted_landing=throw.landing,
+        told = to_the_nanosecond(max(0.0, release - self.hand_delay))
+        return MotionPlan(
             path=course.hand_path,
             attractor_position=course.attractor[:, :3],
             attractor_quaternion=course.attractor_quaternion,
             position_gains=gains,
             orientation_gains=Gains.critical(c.orientation_stiffness or c.stiffness),
-            release=release,
-            open_hand=to_the_nanosecond(max(0.0, release - self.hand_delay)),
             start_posture=self._posture + np.array([np.arctan2(aim[1], aim[0]), 0, 0, 0, 0, 0, 0]),
-            model_id=self.model_id,
-            registration=self.registration,
+            end=release,
+            what="throw",
+            events=(GripEvent(told, Grip.OPEN, release),),
+            carries=True,
+            speed=Speed.THROW,
             pace=None if course.pace_gain is None else Pace(course.pace_gain_of_hand),
+            registration=self.registration,
+            throw=ExpectedThrow(target, aim, throw.landing),
+            model_id=self.model_id,
         )
 
 
@@ -537,9 +306,16 @@ def learn_throwing(
 
 
 def learn_prepared(
-    throws: Sequence[PreparedThrow], configuration: ThrowSettings = DEFAULT
+    throws: Sequence[PreparedThrow],
+    configuration: ThrowSettings = DEFAULT,
+    skill: Skill | None = None,
 ) -> ThrowingSkill:
     """The same from throws that were prepared before, for the same configuration.
+
+    Parameters
+    ----------
+    skill
+        That is learned; None: one without parts of its own.
 
     Raises
     ------
@@ -547,7 +323,7 @@ def learn_prepared(
         If these are too few.
     """
     _check_enough(throws)
-    return ThrowingSkill(configuration, throws)
+    return ThrowingSkill(configuration, throws, skill)
 
 
 def _check_enough(throws: Sequence[PreparedThrow]) -> None:
@@ -555,25 +331,3 @@ def _check_enough(throws: Sequence[PreparedThrow]) -> None:
         raise ValueError(
             f"{len(throws)} demonstrations are too few: record at least {LEAST_DEMONSTRATIONS}"
         )
-
-
-def credence_of(noise: Sequence[float]) -> np.ndarray:
-    """How much demonstrations count (n,) whose hands were recorded with such noise (n,) [m]: the
-    inverse of the variance, relative to the median of them (weighted least squares, A. Aitken,
-    1936), and at most 1.
-    """
-    own = np.asarray(noise, dtype=float)
-    usual = max(float(np.median(own)), FINE)
-    return np.square(usual / np.maximum(own, usual))
-
-
-def _median_posture(postures: list[np.ndarray]) -> np.ndarray:
-    """Median of the postures (7,) of those whose joints were recorded; nan if those of none were."""
-    seen = [posture for posture in postures if np.isfinite(posture).all()]
-    return np.median(seen or postures, axis=0)
-
-
-def _median_of_seen(values: list[float]) -> float:
-    """Median of the finite values; 0 if there are none."""
-    seen = np.array(values)[np.isfinite(values)]
-    return float(np.median(seen)) if len(seen) else 0.0

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dart_skill.common.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, fit_flights, may_fly
+from dart_skill.common.quantiles import quantile
 from dart_skill.skills.observation._noise import position_noise
 
 WINDOW = 10
@@ -141,7 +142,7 @@ def _window(time: np.ndarray, noise: float) -> int:
     ends.
     """
     needed = max(WINDOW_TIME, np.sqrt(12.0 * CLEARLY * tolerance(noise) / TENNIS_BALL.gravity))
-    return max(WINDOW, int(np.ceil(needed / np.median(np.diff(time)) - 1e-6)) + 1)
+    return max(WINDOW, int(np.ceil(needed / quantile(time[1:] - time[:-1], 0.5) - 1e-6)) + 1)
 
 
 def _flying_runs(
@@ -183,8 +184,8 @@ def grow(near: np.ndarray, samples: np.ndarray) -> np.ndarray:
     inside = np.flatnonzero(near)
     if len(inside) < WINDOW:
         return samples
-    pieces = np.split(inside, np.flatnonzero(np.diff(inside) > 3) + 1)
-    middle = float(np.median(samples))
+    pieces = np.split(inside, np.flatnonzero(inside[1:] - inside[:-1] > 3) + 1)
+    middle = samples[len(samples) // 2]
     grown = min(
         pieces,
         key=lambda piece: 0 if piece[0] <= middle <= piece[-1] else abs(np.median(piece) - middle),

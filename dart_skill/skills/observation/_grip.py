@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from dart_skill.common.checks import check_samples, check_unit_quaternions
+from dart_skill.common.quantiles import quantile
 from dart_skill.movement import rotate
 
 HELD = (0.8, 0.05)
@@ -65,7 +66,7 @@ def seen_grip(
         return nominal
     there = rows_at(time[held], *ball)
     inverse = quaternion[held] * [-1.0, -1.0, -1.0, 1.0]
-    grip = np.median(rotate(inverse, there - position[held]), axis=0)
+    grip = quantile(rotate(inverse, there - position[held]), 0.5)
     return grip if np.linalg.norm(grip - nominal) < farthest else nominal
 
 

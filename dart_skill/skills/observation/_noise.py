@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
+from dart_skill.common.quantiles import quantile
 from dart_skill.movement import estimate_noise
 
 LEAST = 2e-5
@@ -28,8 +28,7 @@ def position_noise(time: ArrayLike, position: ArrayLike) -> float:
     if len(time) < ENOUGH:
         return LEAST
     step = usual_speeds(time, position)
-    moves = np.zeros(len(time), dtype=bool)
-    moves[:-1] = step > SHARE * np.quantile(step, 0.99)
+    moves = np.append(step > SHARE * quantile(step, 0.99), False)
     levels = [float(estimate_noise(time, position))]
     if np.count_nonzero(moves) >= ENOUGH:
         levels.append(float(estimate_noise(time[moves], position[moves])))
@@ -67,5 +66,6 @@ def usual_speeds(time: np.ndarray, position: np.ndarray) -> np.ndarray:
     """Speeds (n - 1,) [m/s] between samples (n,) [s], (n, 3) [m], each the median of five: a leap
     of one sample does not count.
     """
-    speed = np.linalg.norm(np.diff(position, axis=0), axis=1) / np.diff(time)
-    return np.median(sliding_window_view(np.pad(speed, 2, mode="edge"), 5), axis=1)
+    speed = np.linalg.norm(position[1:] - position[:-1], axis=1) / (time[1:] - time[:-1])
+    fives = (np.arange(len(speed))[:, None] + np.arange(-2, 3)).clip(0, len(speed) - 1)
+    return np.sort(speed[fives], axis=1)[:, 2]

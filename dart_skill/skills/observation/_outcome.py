@@ -23,7 +23,7 @@ from dart_skill.skills.observation._free_flight import (
 )
 from dart_skill.skills.observation._grip import grip_path, seen_grip
 from dart_skill.skills.observation._noise import position_noise
-from dart_skill.skills.observation._parting import parting
+from dart_skill.skills.observation._parting import parting, parting_instant
 
 TAIL = 6  # samples that tell how a ball moved when it was last seen
 MAX_UNSEEN = 0.15  # longest time that a flight is extrapolated beyond its last sample [s]
@@ -271,8 +271,8 @@ def _nearest_approach(fit: FlightFit, hand_time: np.ndarray, grip: np.ndarray) -
 def _parting(
     fit: FlightFit, hand_time: np.ndarray, grip: np.ndarray, near: float, judged: bool
 ) -> tuple[float, float, float]:
-    """Instant at which flight and grip move alike, its deviation, if it is judged, and their
-    distance then.
+    """Instant at which flight and grip move alike; if it is judged, its deviation and their
+    distance then, else nan.
     """
     window = _hand_window(hand_time - near)
     if not window <= WIDEST_HAND_WINDOW:
@@ -281,10 +281,12 @@ def _parting(
     around = np.abs(hand_time - near) <= window
     time = (hand_time[around] - near) / window  # in -1 to 1: keeps the powers of time comparable
     difference = fit.at(hand_time[around])[0] - grip[around]
+    if not judged:
+        return float(near + parting_instant(time, difference, DEGREE) * window), math.nan, math.nan
     best, deviation, distance = parting(time, difference, DEGREE)
     # A hand without its ball moves on with another acceleration; where both move alike, that
     # shifts the instant by milliseconds.
-    other = parting(time, difference, DEGREE + 1)[0] if judged else best
+    other = parting_instant(time, difference, DEGREE + 1)
     return (
         float(near + best * window),
         float(window * math.hypot(deviation, other - best)),

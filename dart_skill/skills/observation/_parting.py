@@ -4,8 +4,9 @@ stationary at the release.
 A polynomial through the difference tells the instant, and how well the samples determine it.
 """
 
+import math
+
 import numpy as np
-from numpy.polynomial import polynomial
 
 CALIBRATION = 1e-3
 """What grip and ball may be apart at the release, by the errors of both bodies' markers [m]."""
@@ -31,27 +32,38 @@ def parting(time: np.ndarray, difference: np.ndarray, degree: int) -> tuple[floa
     ValueError
         If the samples do not determine the polynomial.
     """
-    powers = polynomial.polyvander(time, degree)
-    gram = powers.T @ powers
+    powers, whitener, curve = _polynomial(time, difference, degree)
+    best = _slowest(curve, time[0], time[-1])
+    off = (difference - powers @ curve).ravel()
+    left = off @ off / max(difference.size - curve.size, 1)
+    at_best = best ** np.arange(degree + 1)
+    # the derivative is rate @ curve
+    rate = np.append(0.0, at_best[:-1] * np.arange(1, degree + 1))
+    bend = _length(at_best[:-2] @ _derivative(_derivative(curve)))
+    deviation = math.sqrt(left) * _length(whitener @ rate) / max(bend, 1e-12)
+    return best, deviation, _length(at_best @ curve)
+
+
+def parting_instant(time: np.ndarray, difference: np.ndarray, degree: int) -> float:
+    """The instant of `parting` alone."""
+    return _slowest(_polynomial(time, difference, degree)[2], time[0], time[-1])
+
+
+def _polynomial(
+    time: np.ndarray, difference: np.ndarray, degree: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Powers of time (n, m), a root W (m, m) of their covariance, which is W'W, and the
+    coefficients (m, 3).
+    """
+    powers = np.vander(time, degree + 1, increasing=True)
     try:
-        factor = np.linalg.cholesky(gram)
+        whitener = np.linalg.inv(np.linalg.cholesky(powers.T @ powers))
     except np.linalg.LinAlgError as error:
         raise ValueError(
             f"{len(time)} samples do not determine a polynomial of degree {degree}: not positive"
             " definite"
         ) from error
-    curve = np.linalg.solve(factor.T, np.linalg.solve(factor, powers.T @ difference))
-    best = _slowest(curve, time[0], time[-1])
-    left = np.sum((difference - powers @ curve) ** 2) / max(difference.size - curve.size, 1)
-    # the derivative is rate @ curve
-    rate = np.append(0.0, polynomial.polyvander(best, degree - 1) * np.arange(1, degree + 1))
-    spread = np.linalg.norm(np.linalg.solve(factor, rate))
-    bend = np.linalg.norm(polynomial.polyval(best, polynomial.polyder(curve, 2)))
-    return (
-        best,
-        float(np.sqrt(left) * spread / max(bend, 1e-12)),
-        float(np.linalg.norm(polynomial.polyval(best, curve))),
-    )
+    return powers, whitener, whitener.T @ (whitener @ (powers.T @ difference))
 
 
 def _slowest(curve: np.ndarray, first: float, last: float) -> float:
@@ -62,11 +74,21 @@ def _slowest(curve: np.ndarray, first: float, last: float) -> float:
     The extremes of the squared speed and 0 are compared, as far as they lie in between; else the
     end.
     """
-    velocity = polynomial.polyder(curve)
-    squared = sum(polynomial.polymul(column, column) for column in velocity.T)
-    roots = polynomial.polyroots(polynomial.polyder(squared))
+    x, y, z = _derivative(curve).T
+    squared = np.convolve(x, x) + np.convolve(y, y) + np.convolve(z, z)
+    roots = np.roots(_derivative(squared)[::-1])
     extremes = roots.real[np.abs(roots.imag) < REAL]
-    places = np.clip(np.append(np.sort(extremes), 0.0), first, last)
-    far = np.linalg.norm(polynomial.polyval(places, curve), axis=0)
-    near = places[far < far.min() + CALIBRATION]
-    return float(near[np.argmin(polynomial.polyval(near, squared))])
+    places = np.append(np.sort(extremes), 0.0).clip(first, last)
+    powers = np.vander(places, len(squared), increasing=True)
+    far = np.sqrt(np.square(powers[:, : len(curve)] @ curve).sum(axis=1))
+    near = far < far.min() + CALIBRATION
+    return float(places[near][(powers[near] @ squared).argmin()])
+
+
+def _derivative(curve: np.ndarray) -> np.ndarray:
+    """Coefficients of the derivative, from those of a polynomial (m,) or of several (m, d)."""
+    return (curve[1:].T * np.arange(1, len(curve))).T
+
+
+def _length(vector: np.ndarray) -> float:
+    return math.sqrt(vector @ vector)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dart_skill.arm import ArmModel, Sightings
+from dart_skill.common.constants import N_JOINTS
 from dart_skill.recording import Demonstration
 from dart_skill.skills.observation._grip import rows_at
 
@@ -26,13 +27,11 @@ def sightings(demonstration: Demonstration, model: ArmModel) -> Sightings:
         return Sightings(*(np.empty((0, n)) for n in (3, 4, 3, 4, 6)))
     both = np.flatnonzero((d.hand_time >= d.joint_time[0]) & (d.hand_time <= d.joint_time[-1]))
     chosen = both[np.linspace(0, len(both) - 1, min(INSTANTS, len(both))).round().astype(int)]
-    if len(d.joint_time) > 1:
-        q, qd = (
-            rows_at(d.hand_time[chosen], d.joint_time, rows)
-            for rows in (d.joint_position, d.joint_velocity)
-        )
-    else:
-        q, qd = (
-            np.repeat(rows, len(chosen), axis=0) for rows in (d.joint_position, d.joint_velocity)
-        )
+    states = np.hstack([d.joint_position, d.joint_velocity])
+    states = (
+        rows_at(d.hand_time[chosen], d.joint_time, states)
+        if len(states) > 1
+        else np.repeat(states, len(chosen), axis=0)
+    )
+    q, qd = np.ascontiguousarray(states[:, :N_JOINTS]), states[:, N_JOINTS:]
     return Sightings.of_joints(model, q, qd, d.hand_position[chosen], d.hand_quaternion[chosen])

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dart_skill.arm import ThrowPlan
+from dart_skill.arm import MotionPlan
 from dart_skill.common.surface import BASKETS, RIMS, Game, Surface
 from dart_skill.skills.learning import landing_if_late
 
@@ -447,17 +447,15 @@ def polar(point: np.ndarray) -> np.ndarray:
     return np.array([np.hypot(point[0], point[1]), np.arctan2(point[1], point[0])])
 
 
-def corrected(plan: ThrowPlan, target: np.ndarray) -> ThrowPlan:
+def corrected(plan: MotionPlan, target: np.ndarray) -> MotionPlan:
     """A plan that was made for a shifted point, as a plan for the target (3,)."""
-    return replace(
-        plan,
-        target=np.asarray(target, dtype=float),
-        predicted_landing=plan.predicted_landing + (target - plan.target),
-    )
+    target, meant = np.asarray(target, dtype=float), plan.thrown
+    landing = meant.landing + (target - meant.target)
+    return replace(plan, throw=replace(meant, target=target, landing=landing))
 
 
 def repeatable_miss(
-    plan: ThrowPlan, seen: np.ndarray, late: float, game: Game = BASKETS
+    plan: MotionPlan, seen: np.ndarray, late: float, game: Game = BASKETS
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Place (2,) that the plan's own path would send a ball to, how far from it the ball came down
     that was seen (3,), and how far from it the path would have sent a ball that is released `late`

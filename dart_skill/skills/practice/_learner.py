@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.arm import KnownRegistration, ThrowPlan
+from dart_skill.arm import KnownRegistration, MotionPlan
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.situation import Situation
 from dart_skill.mixture import GaussianMixture
@@ -171,7 +171,7 @@ class Learner:
         """As of `Practice.plan`."""
         return self._learned.plan(asked, explore)
 
-    def tell(self, trial: Demonstration, plan: ThrowPlan | None = None) -> Learned:
+    def tell(self, trial: Demonstration, plan: MotionPlan | None = None) -> Learned:
         """As of `Practice.tell`."""
         return self._learned.tell(trial, plan)
 

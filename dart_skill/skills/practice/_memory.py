@@ -22,6 +22,7 @@ from dart_skill.skills.learning import (
     learn_prepared,
     prepare,
 )
+from dart_skill.skills.protocol import Skill
 
 FORGETTING = ("oldest", "crowded")
 LEAST_TO_COMPARE = 4
@@ -90,6 +91,8 @@ class TrialMemory:
         PracticeSettings, default None: the default ones.
     tried
         Own throws, oldest first.
+    skill
+        That is learned, which may have parts of its own.
 
     Attributes
     ----------
@@ -105,8 +108,10 @@ class TrialMemory:
         configuration: ThrowSettings = DEFAULT,
         settings: PracticeSettings | None = None,
         tried: Sequence[Demonstration] = (),
+        skill: Skill | None = None,
     ):
         self.configuration, self.settings = configuration, settings or PracticeSettings()
+        self.skill = skill
         self._prepared: dict[str, PreparedThrow] = {}
         self.kept_out: dict[str, str] = {}
         self._shown, self._tried = self._readable(shown), self._readable(tried)
@@ -142,9 +147,8 @@ class TrialMemory:
             If they are too few, and what is wrong with the others.
         """
         try:
-            return learn_prepared(
-                [self._prepared[one.id] for one in self.demonstrations], self.configuration
-            )
+            throws = [self._prepared[one.id] for one in self.demonstrations]
+            return learn_prepared(throws, self.configuration, self.skill)
         except ValueError as error:
             raise ValueError("; ".join([str(error), *self.kept_out.values()])) from error
 

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, cast
 
 import numpy as np
 
-from dart_skill.arm import MotionPlan, ThrowPlan
+from dart_skill.arm import MotionPlan
 from dart_skill.common.situation import Situation
 from dart_skill.mixture import GaussianMixture
 from dart_skill.recording import HAND, Demonstration
@@ -88,7 +88,7 @@ class Planned:
         Where bodies are in the hand at its start.
     """
 
-    plan: MotionPlan | ThrowPlan | Policy
+    plan: MotionPlan | Policy
     situation: Situation
     model_id: str
     aim: Situation | None = None
@@ -167,7 +167,7 @@ class Practice(Part):
         aim = self.skill.corrected(asked, model.offset)
         return Planned(model.plan(asked), asked, model.model_id, aim)
 
-    def tell(self, trial: Demonstration, plan: ThrowPlan | None = None) -> Learned:
+    def tell(self, trial: Demonstration, plan: MotionPlan | None = None) -> Learned:
         """Learn from what became of a plan."""
         start, _ = self.skill.cut(trial)
         situation = self.skill.situation(trial, start)

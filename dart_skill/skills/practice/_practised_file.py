@@ -12,7 +12,7 @@ from dart_skill.skills.learning import SavedModel, save_model
 from dart_skill.skills.practice._correction import CorrectionSettings
 from dart_skill.skills.practice._memory import PracticeSettings
 from dart_skill.skills.practice._practising import PractisingSkill
-from dart_skill.skills.protocol import ThrowSettings
+from dart_skill.skills.protocol import Skill, ThrowSettings
 
 
 def save_practised(path: str | Path, skill: PractisingSkill) -> None:
@@ -43,6 +43,7 @@ def practised_skill(
     memory: PracticeSettings | None = None,
     settings: CorrectionSettings | None = None,
     steady_every: int = 0,
+    of: Skill | None = None,
 ) -> PractisingSkill:
     """The skill of a model file, which goes on where practice ended.
 
@@ -53,7 +54,7 @@ def practised_skill(
     method
         How to practise; default "residual". One that has no use for what was found gives way to
         the method that found it; only "none" leaves it out.
-    memory, settings, steady_every
+    memory, settings, steady_every, of
         As in `PractisingSkill`.
 
     Raises
@@ -74,6 +75,7 @@ def practised_skill(
         settings,
         steady_every=steady_every,
         tried=tried,
+        of=of,
     )
     if skill.correction is not None:
         skill.correction.remember(saved.practised)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dart_skill.arm import ThrowPlan
+from dart_skill.arm import MotionPlan
 from dart_skill.common.checks import to_the_nanosecond
 from dart_skill.recording import Demonstration
 from dart_skill.skills.learning import (
@@ -35,7 +35,7 @@ from dart_skill.skills.practice._hand_delay import USUAL_DELAY_SPREAD, HandDelay
 from dart_skill.skills.practice._memory import PracticeSettings, TrialMemory, Verdict
 from dart_skill.skills.practice._searching import CorrectionSearch
 from dart_skill.skills.practice._steadiness import LEAST, STEP, Steadiness
-from dart_skill.skills.protocol import PRACTICE_METHODS
+from dart_skill.skills.protocol import PRACTICE_METHODS, Skill
 
 
 @dataclass(frozen=True)
@@ -106,6 +106,8 @@ class PractisingSkill:
         Int, number of throws in a round; default 0. After each round the release may be moved
         farther to where the delay of the hand matters least (`steadiness`). 0: the release is not
         moved.
+    of
+        Skill that is practised, which may have parts of its own; default None.
 
     Attributes
     ----------
@@ -135,6 +137,7 @@ class PractisingSkill:
         rng: np.random.Generator | None = None,
         steady_every: int = 0,
         tried: Sequence[Demonstration] = (),
+        of: Skill | None = None,
     ):
         if method not in PRACTICE_METHODS:
             raise ValueError(
@@ -146,7 +149,7 @@ class PractisingSkill:
                 " bootstrap or both"
             )
         self.method = method
-        self.practice = TrialMemory(shown, configuration, memory, tried)
+        self.practice = TrialMemory(shown, configuration, memory, tried, of)
         self.skill = self.practice.learn()
         self._game = configuration.game
         self.correction = (
@@ -168,7 +171,7 @@ class PractisingSkill:
         self._steadied: _Steadied | None = None
         self._n_told = 0
 
-    def plan(self, target: np.ndarray, explore: bool = False) -> ThrowPlan:
+    def plan(self, target: np.ndarray, explore: bool = False) -> MotionPlan:
         """A throw at the basket whose rim has its centre at target (3,) [m]; Unreachable tells why
         there is none.
 
@@ -189,7 +192,7 @@ class PractisingSkill:
             self.search.remember(plan, tried)
         return plan
 
-    def tell(self, plan: ThrowPlan | None, trial: Demonstration) -> TrialLesson:
+    def tell(self, plan: MotionPlan | None, trial: Demonstration) -> TrialLesson:
         """What came of a plan of this skill; without a plan the throw is a demonstration, whatever
         the method.
 
@@ -203,7 +206,7 @@ class PractisingSkill:
             return TrialLesson(verdict.kept, verdict.reason, forgotten=verdict.forgotten)
         try:
             seen = prepare(
-                trial.aimed_at(plan.target), replace(self.skill.configuration, relabel=True)
+                trial.aimed_at(plan.thrown.target), replace(self.skill.configuration, relabel=True)
             )
         except ValueError as error:
             return TrialLesson(False, str(error))
@@ -218,7 +221,7 @@ class PractisingSkill:
                 False,
                 f"by its plan a ball that leaves the hand {late:.3f} s late comes down nowhere",
             )
-        self.steadiness.add((*plan.target, plan.release), late, miss - explained)
+        self.steadiness.add((*plan.thrown.target, plan.release), late, miss - explained)
         self._n_told += 1
         if self.hand is not None:
             self.hand.add(delay, seen.release.time_uncertainty)
@@ -229,7 +232,7 @@ class PractisingSkill:
         verdict = self._bootstrap(trial) if self.method in ("bootstrap", "both") else Verdict(True)
         share = 1.0 if self.correction is None else self.correction.share
         # The plan was meant for another place if it was corrected.
-        left = self._game.surface.seen_from(plan.target, place, miss - share * explained)
+        left = self._game.surface.seen_from(plan.thrown.target, place, miss - share * explained)
         return TrialLesson(verdict.kept, verdict.reason, left, verdict.forgotten)
 
     @property
@@ -316,13 +319,13 @@ class PractisingSkill:
             return aim
         return aim - self._game.surface.offset(self._steadied.centre, target)
 
-    def _in_time(self, plan: ThrowPlan) -> ThrowPlan:
+    def _in_time(self, plan: MotionPlan) -> MotionPlan:
         """The plan with the command to open as early as the hand has needed lately; before the
         first own throw, as it is.
         """
         if self.hand is None or not self._n_told:
             return plan
-        return replace(plan, open_hand=to_the_nanosecond(max(0.0, plan.release - self.hand.mean)))
+        return plan.opening_at(to_the_nanosecond(plan.release - self.hand.mean))
 
     def _move_release(self, target: np.ndarray) -> None:
         """Shift the release to where hits on a target (3,) scatter least, once there are enough
@@ -340,7 +343,7 @@ class PractisingSkill:
         self._steadied = _Steadied(number, target.copy(), shift, centre)
         self.release_shift = shift
 
-    def _middle(self, plan: ThrowPlan) -> np.ndarray:
+    def _middle(self, plan: MotionPlan) -> np.ndarray:
         """How far from the hit of a release on time the own hand sends the ball, the median (2,)
         [m]: early and late hits fall short, and half of all shall. Where the release itself is
         moved, plans are made for that already.

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dart_skill.arm import ThrowPlan, same_plan
+from dart_skill.arm import MotionPlan, same_plan
 from dart_skill.movement import azimuth_of, turn_matrix
 from dart_skill.policy_search import PoWER, SearchTrial, generator_state, restored_generator
 
@@ -38,7 +38,7 @@ OPEN = 20
 
 @dataclass(frozen=True, eq=False)
 class _Explored:
-    plan: ThrowPlan
+    plan: MotionPlan
     trial: SearchTrial
 
 
@@ -96,26 +96,26 @@ class CorrectionSearch:
         shift = np.array([along + along_slope * away, across + across_slope * away, 0.0])
         return target + turn_matrix(azimuth_of(target)) @ shift
 
-    def remember(self, plan: ThrowPlan, trial: SearchTrial) -> None:
+    def remember(self, plan: MotionPlan, trial: SearchTrial) -> None:
         """The plan that a trial became, by which its throw is known."""
         self._open = [*self._open[-OPEN + 1 :], _Explored(plan, trial)]
 
-    def tell(self, plan: ThrowPlan, landing: np.ndarray) -> None:
+    def tell(self, plan: MotionPlan, landing: np.ndarray) -> None:
         """What became of a plan, whether it was one that explores or not.
 
         Parameters
         ----------
         landing : (3,) [m]
         """
-        error = landing - plan.target
+        error = landing - plan.thrown.target
         explored = next((one for one in self._open if same_plan(one.plan, plan)), None)
         if explored is not None and self._search is not None:
             self._open.remove(explored)
             self._search.tell(explored.trial, -float(np.linalg.norm(error)))
         elif self._search is None:
-            along, across, _ = turn_matrix(azimuth_of(plan.target)).T @ error
+            along, across, _ = turn_matrix(azimuth_of(plan.thrown.target)).T @ error
             self._seen.append(
-                (float(np.hypot(*plan.target[:2])) - MIDDLE, float(along), float(across))
+                (float(np.hypot(*plan.thrown.target[:2])) - MIDDLE, float(along), float(across))
             )
             if len(self._seen) == FIRST:
                 self._begin()

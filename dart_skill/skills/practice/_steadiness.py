@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dart_skill.arm import ThrowPlan
+from dart_skill.arm import MotionPlan
 from dart_skill.common.surface import BASKETS, Game
 from dart_skill.skills.learning import landing_if_late
 
@@ -88,7 +88,7 @@ class Steadiness:
             weight += off @ off
         return steepness / weight
 
-    def scatter(self, plan: ThrowPlan, shifts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def scatter(self, plan: MotionPlan, shifts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What the own hand does to the hits of a plan whose release is shifted (n,) [s].
 
         Their root mean square deviation from their mean (n,) [m], and how far their median (n, 2)
@@ -112,7 +112,7 @@ class Steadiness:
         return np.sqrt(scattered.var(axis=1).sum(axis=-1)), np.median(scattered, axis=1)
 
     def steadiest(
-        self, plan_for: Callable[[float], ThrowPlan], start: float, farthest: float
+        self, plan_for: Callable[[float], MotionPlan], start: float, farthest: float
     ) -> tuple[float, np.ndarray]:
         """The shift of the release [s] at which hits scatter least, and the median (2,) [m] of
         their deviations there.

@@ -1,7 +1,8 @@
 """What a skill is: the protocol that all skills follow, and where skills are found by name."""
 
-from dart_skill.skills.protocol._part import Part
+from dart_skill.skills.protocol._judged_skill import TaskOutcome
 from dart_skill.skills.protocol._registry import (
+    Part,
     check_parts,
     general_part,
     load_skill,
@@ -19,8 +20,8 @@ from dart_skill.skills.protocol._settings import (
     SkillSettings,
     check_way,
 )
-from dart_skill.skills.protocol._skill import Planner, Skill, TaskOutcome, settings_file
-from dart_skill.skills.protocol._solid import Solid
+from dart_skill.skills.protocol._skill import Planner, Skill
+from dart_skill.skills.protocol._skill_base import settings_file
 from dart_skill.skills.protocol._throw_settings import (
     CONFIGURATIONS,
     DEFAULT,
@@ -29,7 +30,7 @@ from dart_skill.skills.protocol._throw_settings import (
     ThrowSettings,
     configuration,
 )
-from dart_skill.skills.protocol._words import SkillWords
+from dart_skill.skills.protocol._words import SkillWords, Solid
 
 __all__ = [
     "BIC",

@@ -61,6 +61,17 @@ own (`Skill.parts`).
 """
 
 
+class Part:
+    """Base of what a setting of a skill chooses by name: how movements are encoded, what is solved
+    for before a plan, how trials are learned from, what chooses the next one.
+    """
+
+    @classmethod
+    def refusal(cls, skill: Skill) -> str:
+        """Why this part is of no use to a skill; empty where it is. Default: it is."""
+        return ""
+
+
 def skill_names() -> list[str]:
     """Names of all skills that there are."""
     return sorted(_registered(GROUP, OWN))

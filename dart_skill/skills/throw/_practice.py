@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from dart_skill.arm import ThrowPlan
+from dart_skill.arm import MotionPlan
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.mixture import GaussianMixture
 from dart_skill.recording import Demonstration
@@ -69,6 +69,7 @@ class ThrowPractice(Practice):
             skill.correction,
             steady_every=_steady_every(skill),
             tried=self._tried,
+            of=skill,
         )
 
     @property
@@ -82,9 +83,9 @@ class ThrowPractice(Practice):
     def plan(self, asked: Situation, explore: bool = False) -> Planned:
         plan = self.practising.plan(self.skill.target(asked), explore)
         held = Situation({self.skill.moves: Pose(self.model.seat)})
-        return Planned(plan, asked, plan.model_id, held=held)
+        return Planned(plan, asked, plan.model_id, self.skill.at(plan.thrown.aim), held)
 
-    def tell(self, trial: Demonstration, plan: ThrowPlan | None = None) -> Learned:
+    def tell(self, trial: Demonstration, plan: MotionPlan | None = None) -> Learned:
         told = self.practising.tell(plan, trial)
         forgotten = f"forgotten: {', '.join(told.forgotten)}" if told.forgotten else ""
         n = len(self.practising.practice.demonstrations)
@@ -111,7 +112,7 @@ class ThrowPractice(Practice):
         one.skill = cast("Throw", skill.with_settings(settings))
         one.memory, one.left_out = memory or PracticeSettings(), {}
         one.practising = practised_skill(
-            saved, method, memory, one.skill.correction, _steady_every(skill)
+            saved, method, memory, one.skill.correction, _steady_every(skill), one.skill
         )
         return one
 

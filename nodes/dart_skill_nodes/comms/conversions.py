@@ -9,6 +9,7 @@ import math
 import struct
 from array import array
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -28,6 +29,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectory
 from dart_skill.arm import (
     ArmState,
     Command,
+    ExpectedThrow,
     Gains,
     GainsOverTime,
     Grip,
@@ -37,7 +39,6 @@ from dart_skill.arm import (
     Pace,
     Registration,
     Speed,
-    ThrowPlan,
     all_finite,
 )
 from dart_skill.common.checks import as_place
@@ -452,54 +453,31 @@ def unseen_outcome_msg(about: SituationMsg, skill: str, frame_id: str, ns: int =
     return message
 
 
-def throw_plan_msg(plan: ThrowPlan, frame_id: str, skill: Any = BASKETS) -> PlanMsg:
-    """A plan of a throw as a message."""
-    message = plan_msg(plan.motion, frame_id)
-    message.skill, message.model_id = skill.name, plan.model_id
-    message.situation, message.aim = (
-        situation_msg(skill.at(plan.target)),
-        situation_msg(skill.at(plan.aim)),
-    )
-    message.expected = [body_state(LANDING, plan.predicted_landing)]
-    return message
-
-
-def throw_plan(message: PlanMsg, skill: Throw = BASKETS) -> ThrowPlan:
+def throw_plan(message: PlanMsg, skill: Throw = BASKETS) -> MotionPlan:
     """The plan of a throw in a message; ValueError for what is none, or of another skill."""
     if message.skill != skill.name:
         raise ValueError(f"the plan is of the skill '{message.skill}', not of '{skill.name}'")
     motion = motion_plan(message)
-    opens = [event for event in motion.events if event.grip == Grip.OPEN]
+    opens = tuple(event for event in motion.events if event.grip == Grip.OPEN)
     if len(opens) != 1 or not isinstance(motion.orientation_gains, Gains):
         raise ValueError(
             f"the plan opens the hand {len(opens)} times: a throw opens it once, with one"
             " stiffness of the orientation"
         )
-    return ThrowPlan(
+    throw = ExpectedThrow(
         target=skill.target(aimed(message.situation, skill)),
         aim=skill.target(aimed(message.aim, skill, "the aim")),
-        predicted_landing=vector(state_of(message.expected, LANDING).pose.position),
-        path=motion.path,
-        attractor_position=motion.attractor_position,
-        attractor_quaternion=motion.attractor_quaternion,
-        position_gains=motion.position_gains,
-        orientation_gains=motion.orientation_gains,
-        release=opens[0].done,
-        open_hand=opens[0].time,
-        start_posture=motion.start_posture,
-        model_id=message.model_id,
-        registration=motion.registration,
-        pace=motion.pace,
+        landing=vector(state_of(message.expected, LANDING).pose.position),
     )
+    return replace(motion, what="throw", events=opens, throw=throw, model_id=message.model_id)
 
 
 def planned_msg(planned: "Planned", frame_id: str, skill: Skill) -> PlanMsg:
     """What was planned as a message."""
     plan = planned.plan
-    if isinstance(plan, ThrowPlan):
-        message = throw_plan_msg(plan, frame_id, skill)
-    elif isinstance(plan, MotionPlan):
+    if isinstance(plan, MotionPlan):
         message = plan_msg(plan, frame_id)
+        message.skill = skill.name
     else:
         message = policy_msg(plan, frame_id)
     if planned.aim is not None:
@@ -510,8 +488,10 @@ def planned_msg(planned: "Planned", frame_id: str, skill: Skill) -> PlanMsg:
 
 def plan_msg(plan: MotionPlan, frame_id: str) -> PlanMsg:
     """A plan of any skill as a message."""
-    message = PlanMsg(skill=plan.what)
+    message = PlanMsg(skill=plan.what, model_id=plan.model_id)
     message.header.frame_id = frame_id
+    if plan.throw is not None:
+        message.expected = [body_state(LANDING, plan.throw.landing)]
     message.trajectory = _trajectory(plan, frame_id)
     message.end = duration_msg(plan.end)
     message.events = [event_msg(event) for event in plan.events]

@@ -16,6 +16,7 @@ from dart_skill.arm import (
     CommanderSettings,
     Gains,
     Grip,
+    GripEvent,
     HandPath,
     HeldCommand,
     Mode,
@@ -90,9 +91,9 @@ def begin(make_plant):
 
     def start(plan, settings=None, **plant_settings):
         run = Run(make_plant(**plant_settings), Commander(settings))
-        run.plant.reset(plan.target)
+        run.plant.reset(plan.thrown.target)
         run.step()
-        run.commander.execute(plan.motion)
+        run.commander.execute(plan)
         return run
 
     return start
@@ -148,7 +149,7 @@ def test_a_way_to_a_posture_is_stopped_and_nothing_else_begins_on_it(begin, plan
     run.commander.move_to(REST, run.plant.arm_state)
     run.step()
     for other in (
-        lambda: run.commander.execute(plan.motion),
+        lambda: run.commander.execute(plan),
         lambda: run.commander.release_arm(True),
         lambda: run.commander.move_to(REST, at(0)),
     ):
@@ -269,7 +270,7 @@ def test_a_throw_waits_until_the_arm_is_quiet_but_not_for_ever(plan, speed, sett
     """settle_time at less than settle_speed; settle_limit if the arm does not come to rest."""
     commander, modes = Commander(), []
     commander.step(at(0, plan.start_posture))
-    commander.execute(plan.motion)
+    commander.execute(plan)
     for k in range(1, 1000):
         commander.step(at(k * PERIOD, plan.start_posture, np.full(7, speed)))
         modes.append(commander.mode)
@@ -293,9 +294,12 @@ def test_the_ball_lands_where_the_plan_says(begin, plan):
     """
     run = begin(plan, hand_spread=0.0)
     run.until(
-        lambda: run.plant.state.ball_position[2] < plan.target[2] and not run.plant.state.ball_held
+        lambda: (
+            run.plant.state.ball_position[2] < plan.thrown.target[2]
+            and not run.plant.state.ball_held
+        )
     )
-    miss = run.plant.state.ball_position - plan.predicted_landing
+    miss = run.plant.state.ball_position - plan.thrown.landing
     assert np.linalg.norm(miss) < 0.05, miss
 
 
@@ -429,9 +433,9 @@ def test_an_arm_that_passed_a_limit_moves_no_more_until_it_is_reset(plan):
         PlanRefused,
         match="the arm is stopped: the (hand|elbow) moves at .* and stays so until it is reset",
     ):
-        commander.execute(plan.motion)
+        commander.execute(plan)
     commander.reset()
-    commander.execute(plan.motion)
+    commander.execute(plan)
 
 
 def test_an_answer_asks_no_joint_for_more_than_its_motor_has(plan):
@@ -456,7 +460,7 @@ def test_an_answer_asks_no_joint_for_more_than_its_motor_has(plan):
 def throwing(commander, plan):
     """Brings a commander to THROWING with an arm that stands in the start posture; the last stamp."""
     commander.step(at(0, plan.start_posture))
-    commander.execute(plan.motion)
+    commander.execute(plan)
     stamp = 0
     while commander.mode != Mode.EXECUTING:
         stamp += PERIOD
@@ -529,7 +533,7 @@ def refused(plan, pattern, settings=None):
     commander = Commander(settings)
     commander.step(at(0))
     with pytest.raises(PlanRefused, match=pattern):
-        commander.execute(plan.motion)
+        commander.execute(plan)
     assert not commander.executing
     commander.step(at(PERIOD))
     assert commander.mode == Mode.HOLDING
@@ -590,22 +594,19 @@ def test_only_one_throw_at_a_time(begin, plan):
     run = begin(plan)
     for _ in range(2):  # requested, and under way
         with pytest.raises(PlanRefused, match="a throw is under way"):
-            run.commander.execute(plan.motion)
+            run.commander.execute(plan)
         with pytest.raises(PlanRefused, match="a throw is under way"):
             run.commander.release_arm(True)
         run.step()
     finish(run)
-    run.commander.execute(plan.motion)
+    run.commander.execute(plan)
 
 
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("release", np.nan, "plan.release is nan"),
-        ("release", 5.0, "plan.release is 5.0 s, outside"),
-        ("open_hand", np.nan, "plan.open_hand is nan"),
-        ("open_hand", -0.1, "plan.open_hand is -0.1"),
-        ("target", np.array([1.0, np.nan, 0.4]), "plan.target"),
+        ("end", np.nan, "plan.end is nan"),
+        ("end", 5.0, "plan.end is 5.0 s, outside"),
         ("start_posture", np.zeros(6), r"plan.start_posture has shape \(6,\)"),
         ("attractor_position", np.zeros((3, 3)), r"plan.attractor_position has shape \(3, 3\)"),
     ],
@@ -613,6 +614,17 @@ def test_only_one_throw_at_a_time(begin, plan):
 def test_a_plan_that_makes_no_sense_cannot_be_made(plan, field, value, message):
     with pytest.raises(ValueError, match=message):
         replace(plan, **{field: value})
+
+
+def test_a_throw_that_makes_no_sense_cannot_be_made(plan):
+    for told in (np.nan, -0.1, plan.release + 0.1):
+        with pytest.raises(ValueError, match=f"the hand is told OPEN at {told}"):
+            GripEvent(told, Grip.OPEN, plan.release)
+    with pytest.raises(ValueError, match="plan.target"):
+        replace(plan.throw, target=np.array([1.0, np.nan, 0.4]))
+    assert plan.opening_at(-0.1).open_hand == 0.0 and plan.opening_at(0.1).open_hand == 0.1
+    with pytest.raises(ValueError, match="throws nothing"):
+        _ = replace(plan, throw=None).thrown
 
 
 def test_quaternions_of_a_plan_are_of_unit_length(plan):
@@ -650,7 +662,7 @@ def test_same_plan_sees_the_last_bit(plan):
     assert not same_plan(plan, replace(plan, attractor_position=moved))
     late = replace(plan.path, position=plan.path.position + 1e-15)
     assert not same_plan(plan, replace(plan, path=late))
-    assert not same_plan(plan, replace(plan, release=np.nextafter(plan.release, 1.0)))
+    assert not same_plan(plan, replace(plan, end=np.nextafter(plan.end, 1.0)))
 
 
 def test_settings_come_from_the_parameters_of_the_node():

@@ -255,7 +255,7 @@ def test_a_throw_is_the_same_through_the_bridge_as_without(make_plant, plan):
         Commander(CommanderSettings.configured(tracking="joints", friction_compensation=1.0)),
         make_plant(),
     )
-    commander.execute(plan.motion)
+    commander.execute(plan)
     bridge, worst = EffortBridge(SETTINGS), 0.0
     for step in range(900):
         state, now = plant.arm_state, 0.002 * step

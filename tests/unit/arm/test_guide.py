@@ -269,8 +269,8 @@ def test_what_cannot_be_is_refused_by_name(make, why):
 
 
 def test_a_motion_needs_the_careful_level_unless_it_says_otherwise(plan):
-    assert along_x().speed == Speed.CAREFUL and plan.motion.speed == Speed.THROW
-    assert [(event.grip, event.time, event.done) for event in plan.motion.events] == [
+    assert along_x().speed == Speed.CAREFUL and plan.speed == Speed.THROW
+    assert [(event.grip, event.time, event.done) for event in plan.events] == [
         (Grip.OPEN, plan.open_hand, plan.release)
     ]
 
@@ -293,8 +293,8 @@ def test_a_posture_for_other_instants_is_refused():
 
 
 def test_a_plan_turns_its_hand_by_a_share_of_the_way_to_the_next_instant(plan):
-    references, path = References(plan.motion), plan.motion.path
-    turns = path.quaternion, plan.motion.attractor_quaternion
+    references, path = References(plan), plan.path
+    turns = path.quaternion, plan.attractor_quaternion
     slerps = [Slerp(path.time, Rotation.from_quat(turn)) for turn in turns]
     for time in np.linspace(0.0, path.duration, 50):
         now = references.at(time)
@@ -307,11 +307,11 @@ def test_a_plan_turns_its_hand_by_a_share_of_the_way_to_the_next_instant(plan):
 
 
 def test_compiled_and_interpreted_have_the_same_bits(plan, monkeypatch):
-    compiled = References(plan.motion)
+    compiled = References(plan)
     plain = interpreted("dart_skill.arm._plan_rows").PlanRows
     monkeypatch.setattr("dart_skill.arm._guide.PlanRows", plain)
     for time in np.linspace(-0.2, 1.2 * plan.path.duration, 30):
-        one, other = compiled.at(time), References(plan.motion).at(time)
+        one, other = compiled.at(time), References(plan).at(time)
         for name, value in vars(one).items():
             np.testing.assert_array_equal(value, getattr(other, name), err_msg=name)
 

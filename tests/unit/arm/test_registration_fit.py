@@ -232,7 +232,7 @@ def test_a_plan_without_a_registration_takes_the_measured_one(plan):
     measured = registration(*NEAR)
     seen = replace(plan, path=seen_path(plan, measured))
     commander = Commander(measured=measured)
-    commander.execute(seen.motion)
+    commander.execute(seen)
     np.testing.assert_allclose(
         commander._requested.plan.path.position, plan.path.position, atol=1e-9
     )
@@ -240,11 +240,11 @@ def test_a_plan_without_a_registration_takes_the_measured_one(plan):
 
 def test_a_plan_that_contradicts_the_measured_registration_is_refused(plan):
     Commander(measured=registration(*NEAR)).execute(
-        replace(plan, registration=registration((0.0, 0.0, 0.021), *NEAR[1:])).motion
+        replace(plan, registration=registration((0.0, 0.0, 0.021), *NEAR[1:]))
     )
     with pytest.raises(PlanRefused, match="moved since it was measured"):
         Commander(measured=registration(*FAR)).execute(
-            replace(plan, registration=registration(*NEAR)).motion
+            replace(plan, registration=registration(*NEAR))
         )
 
 
@@ -270,6 +270,6 @@ def test_gains_over_time_turn_with_the_arm(plan):
     seen = replace(
         plan, position_gains=stiff_along_x, registration=Registration(turn=tuple(turn.as_quat()))
     )
-    gains = seen.motion.as_the_arm_has_it().position_gains
+    gains = seen.as_the_arm_has_it().position_gains
     np.testing.assert_allclose(gains.stiffness[0], np.diag([100.0, 500.0, 100.0]), atol=1e-9)
     np.testing.assert_allclose(gains.damping[0], np.diag([20.0, 40.0, 20.0]), atol=1e-9)

@@ -86,9 +86,12 @@ def test_a_real_arm_follows_quietly_what_makes_the_second_pull_swing(begin, plan
 def test_fed_forward_on_an_exact_arm_the_ball_lands_where_the_plan_says(begin, plan):  # noqa: F811
     run = begin(plan, CommanderSettings.configured(**SLOW), hand_spread=0.0, gravity_error=0.0)
     run.until(
-        lambda: run.plant.state.ball_position[2] < plan.target[2] and not run.plant.state.ball_held
+        lambda: (
+            run.plant.state.ball_position[2] < plan.thrown.target[2]
+            and not run.plant.state.ball_held
+        )
     )
-    miss = run.plant.state.ball_position - plan.predicted_landing
+    miss = run.plant.state.ball_position - plan.thrown.landing
     assert np.linalg.norm(miss[:2]) < 0.05, miss
 
 

@@ -328,9 +328,9 @@ def test_after_four_demonstrations_a_dart_hits_near_its_aim(arm, bed):
 
 def test_a_plan_knows_where_its_own_dart_meets_the_board(arm):
     plan = arm[2].plan(in_world(FACE, [40.0, 80.0]))
-    np.testing.assert_allclose(plan.predicted_landing, plan.target, atol=5e-3)
+    np.testing.assert_allclose(plan.thrown.landing, plan.thrown.target, atol=5e-3)
     np.testing.assert_allclose(
-        landing_if_late(plan, 0.0, game_at(BOARD.position)), plan.predicted_landing, atol=1e-4
+        landing_if_late(plan, 0.0, game_at(BOARD.position)), plan.thrown.landing, atol=1e-4
     )
 
 

@@ -41,7 +41,7 @@ POSTURE = np.array([0.0, 0.3, 0.0, 1.5, 0.0, 0.8, 0.0])
 
 
 def force_of(plan, time, axis):
-    gains = References(plan.motion).gains_at(time)
+    gains = References(plan).gains_at(time)
     return resistance(Impedance(ArmModel(ball_in_hand=True)), gains, POSTURE, np.zeros(7), axis)
 
 

@@ -290,7 +290,7 @@ def test_the_drawn_flight_ends_where_the_plan_expects_it_to(name):
     the hand in the rest of it: 1 cm.
     """
     plan = balls.skill(0, name).plan(balls.new_baskets(0)[0])
-    np.testing.assert_allclose(balls.planned(plan).flight[-1], plan.predicted_landing, atol=0.015)
+    np.testing.assert_allclose(balls.planned(plan).flight[-1], plan.thrown.landing, atol=0.015)
 
 
 def test_a_drawn_demonstration_ends_at_its_basket():

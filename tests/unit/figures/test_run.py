@@ -294,13 +294,13 @@ def recording_of(plan, offset, start_ns=7_000 * MS, late=0.0):
         np.interp((hand_stamps - start_ns) * 1e-9 - late, path.time, column)
         for column in path.position.T
     ]
-    ball = np.linspace([0.0, 0.0, 2.0], plan.target, len(hand_stamps))
+    ball = np.linspace([0.0, 0.0, 2.0], plan.thrown.target, len(hand_stamps))
     return HandRecording(
         hand_stamps,
         np.column_stack(place) + offset,
         hand_stamps,
         ball,
-        plan.target,
+        plan.thrown.target,
         stamps,
         int(stamps[due][0]),
     )
@@ -309,7 +309,7 @@ def recording_of(plan, offset, start_ns=7_000 * MS, late=0.0):
 @pytest.mark.parametrize("open_hand", [0.52, 0.5213])
 def test_the_clock_of_the_plan_is_found_to_the_nanosecond(plan, open_hand):
     """The hand opens at the first command that is due, which may be up to one period late."""
-    plan = replace(plan, open_hand=open_hand)
+    plan = plan.opening_at(open_hand)
     throw = executed_throw([recording_of(plan, np.zeros(3))], plan)
     np.testing.assert_allclose(throw.hand_time, np.arange(len(throw.hand_time)) * 0.01, atol=1e-12)
     assert np.abs(throw.tracking_error).max() < 1e-9
@@ -372,7 +372,7 @@ def test_a_throw_that_is_not_in_the_bag_is_refused(plan):
     recording = recording_of(plan, np.zeros(3))
     for others in (
         [],
-        [replace(recording, basket=plan.target + [0.1, 0.0, 0.0])],
+        [replace(recording, basket=plan.thrown.target + [0.1, 0.0, 0.0])],
         [replace(recording, opened_ns=None)],
     ):
         with pytest.raises(ValueError, match="no recording of a throw at a basket"):

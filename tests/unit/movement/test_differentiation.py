@@ -192,7 +192,10 @@ def test_the_noise_is_the_median_contrast_by_the_barycentric_formula(stamps):
     for first in range(34):
         weights = BarycentricInterpolator(stamps[first : first + 7]).wi
         contrasts.append(np.abs(weights @ samples[first : first + 7]) / np.linalg.norm(weights))
-    assert estimate_noise(stamps, samples) == pytest.approx(np.median(contrasts) / 0.67449, 1e-5)
+    each = np.median(contrasts, axis=0) / 0.67449
+    assert estimate_noise(stamps, samples, apart=True) == pytest.approx(each, 1e-5)
+    together = np.sqrt(np.mean(np.square(each)))
+    assert estimate_noise(stamps, samples) == pytest.approx(together, 1e-5)
 
 
 def test_noise_is_told_of_all_columns_together_or_of_each(stamps):

@@ -76,6 +76,6 @@ def test_they_teach_a_skill_and_throws_add_to_it():
     learner, lesson = learn_skill(BAGS / "demonstrations", load_skill("throw"))
     assert len(lesson.learned_from) == 13
     target = np.array([2.0, 0.2, 0.4])
-    assert np.linalg.norm(learner.practice.model.plan(target).predicted_landing - target) < 0.01
+    assert np.linalg.norm(learner.practice.model.plan(target).thrown.landing - target) < 0.01
     _, more = learn_from_bag(BAGS / "throws", with_throws=True)
     assert len(more.learned_from) >= 19

@@ -80,7 +80,7 @@ def apart(plan, other):
             )
         )
     return float(np.abs(ways[0] - ways[1]).max()), float(
-        np.linalg.norm(plan.predicted_landing - other.predicted_landing)
+        np.linalg.norm(plan.thrown.landing - other.thrown.landing)
     )
 
 

@@ -262,7 +262,7 @@ def test_settings_that_make_no_sense_are_refused(values):
 
 def test_a_plan_sends_the_ball_where_it_says(demonstrations):
     plan = learn_throwing(demonstrations).plan(demonstrations[0].target)
-    np.testing.assert_allclose(landing_if_late(plan, 0.0), plan.predicted_landing, atol=2e-3)
+    np.testing.assert_allclose(landing_if_late(plan, 0.0), plan.thrown.landing, atol=2e-3)
 
 
 def test_a_late_release_explains_its_part_of_the_miss(demonstrations):
@@ -275,9 +275,9 @@ def test_a_late_release_explains_its_part_of_the_miss(demonstrations):
     where = landing_if_late(plan, 0.005)
     assert np.linalg.norm(where - landing_if_late(plan, 0.0)) > 0.01
     place, miss, explained = repeatable_miss(
-        plan, where + turn_matrix(polar(plan.target)[1]) @ [0.03, -0.01, 0.0], 0.005
+        plan, where + turn_matrix(polar(plan.thrown.target)[1]) @ [0.03, -0.01, 0.0], 0.005
     )
-    np.testing.assert_allclose(place, polar(plan.target), atol=2e-3)
+    np.testing.assert_allclose(place, polar(plan.thrown.target), atol=2e-3)
     np.testing.assert_allclose(miss - explained, [0.03, -0.01], atol=1e-4)
     _, unseen, explained = repeatable_miss(plan, where, np.nan)
     assert np.linalg.norm(unseen) > 0.01 and not explained.any(), (

@@ -79,7 +79,7 @@ def test_after_the_first_plan_of_a_model_the_first_aim_nearly_always_hits(
             np.array([reach * np.cos(azimuth), reach * np.sin(azimuth), shown[0, 2]])
         )
         assert len(throws_tried) - before <= (3 if k == 0 else 0) + 2
-        assert np.abs(np.hypot(*plan.predicted_landing[:2]) - reach) < AIM_TOLERANCE
+        assert np.abs(np.hypot(*plan.thrown.landing[:2]) - reach) < AIM_TOLERANCE
 
 
 def test_a_plan_does_not_depend_on_the_plans_before(demonstrations):
@@ -90,10 +90,12 @@ def test_a_plan_does_not_depend_on_the_plans_before(demonstrations):
     targets = [one.target for one in demonstrations[:3]]
     for target in targets:
         skill.plan(target)
-    np.testing.assert_array_equal(skill.plan(targets[0]).aim, fresh.plan(targets[0]).aim)
+    np.testing.assert_array_equal(
+        skill.plan(targets[0]).thrown.aim, fresh.plan(targets[0]).thrown.aim
+    )
     later = learn_throwing(demonstrations).releasing(0.004)
     np.testing.assert_array_equal(
-        skill.releasing(0.004).plan(targets[1]).aim, later.plan(targets[1]).aim
+        skill.releasing(0.004).plan(targets[1]).thrown.aim, later.plan(targets[1]).thrown.aim
     )
 
 
@@ -103,7 +105,9 @@ def test_without_it_the_search_begins_at_the_target(demonstrations, monkeypatch)
     known = learn_throwing(demonstrations).plan(target)
     monkeypatch.setattr(FirstAim, "of", lambda *_: None)
     np.testing.assert_allclose(
-        learn_throwing(demonstrations).plan(target).aim, known.aim, atol=4 * AIM_TOLERANCE
+        learn_throwing(demonstrations).plan(target).thrown.aim,
+        known.thrown.aim,
+        atol=4 * AIM_TOLERANCE,
     )
     local = learn_throwing(demonstrations, replace(DEFAULT, width=0.25))
     assert local.refinement._first_aim(local, target) is None
@@ -134,4 +138,4 @@ def test_a_first_aim_that_has_no_throw_is_left_for_the_target(demonstrations, mo
     target = demonstrations[0].target
     plan = skill.plan(target)
     np.testing.assert_allclose(first[1], target)
-    assert refused and np.linalg.norm(plan.predicted_landing - target) < 2 * AIM_TOLERANCE
+    assert refused and np.linalg.norm(plan.thrown.landing - target) < 2 * AIM_TOLERANCE

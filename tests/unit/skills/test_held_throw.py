@@ -32,7 +32,7 @@ class Throw:
             CommanderSettings.configured(tracking=tracking), plant.description_of_load
         )
         plant.step(self.commander.step(plant.arm_state))
-        self.commander.execute(plan.motion)
+        self.commander.execute(plan)
         holder, self.time, self.grips, self.attractors, begun = Holder(), [], [], [], None
         while begun is None or self.commander.mode not in (Mode.HOLDING,):
             arm = plant.arm_state

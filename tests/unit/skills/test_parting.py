@@ -60,3 +60,12 @@ def test_the_deviation_is_that_of_repeated_samples():
 def test_too_few_samples_determine_no_polynomial():
     with pytest.raises(ValueError, match="not positive definite"):
         parting(np.zeros(6), np.zeros((6, 3)), 4)
+
+
+def test_the_deviation_is_how_far_noise_moves_the_instant():
+    time, rng = np.linspace(-1.0, 1.0, 41), np.random.default_rng(5)
+    path = np.outer((time - 0.2) ** 2, [0.3, -0.2, 0.1])
+    found = [parting(time, path + 1e-3 * rng.normal(size=(41, 3)), 4) for _ in range(200)]
+    instants, deviations, _ = np.transpose(found)
+    assert instants.std() == pytest.approx(np.median(deviations), rel=0.15)
+    assert instants.mean() == pytest.approx(0.2, abs=4 * instants.std() / np.sqrt(200))

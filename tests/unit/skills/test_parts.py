@@ -22,6 +22,7 @@ from dart_skill.skills.protocol import (
     part_names,
     part_of,
 )
+from dart_skill.skills.throw import Throw
 from tests.unit.skills.task_demonstrations import GRIP, draw_body, show, situation_of
 
 
@@ -256,3 +257,28 @@ def test_a_parameter_chooses_the_practice_in_place_of_the_settings(shown):
     assert isinstance(learner.practice, BootstrapPractice)
     with pytest.raises(ValueError, match="no practice 'luck' for the skill 'touch'"):
         Learner(touch(), lambda: parameters(practice_method="luck"))
+
+
+class Coarse(EqualIntervals):
+    """A representation that a skill which throws brings along."""
+
+    @classmethod
+    def of_throws(cls, settings):
+        return super().of_throws(replace(settings, components=5))
+
+
+@pytest.mark.parametrize(
+    "learned", [learn, lambda *given: part_of(given[0], "practice")(*given).model]
+)
+def test_a_throw_brings_a_representation_of_its_own(demonstrations, learned):
+    class Lob(Throw):
+        parts = {**Throw.parts, "representation": {"coarse": f"{__name__}:Coarse"}}
+
+    usual = Lob.configured()
+    assert "coarse" in part_names("representation", usual)
+    skill = usual.with_settings(replace(usual.settings, representation="coarse"))
+    model = learned(skill, demonstrations)
+    assert model.representation is Coarse
+    target = demonstrations[0].target
+    assert model.mixture(target).means_.shape[0] == 5
+    assert np.linalg.norm(model.plan(target).thrown.landing - target) < 0.01

@@ -203,7 +203,7 @@ def test_a_correction_is_least_squares_where_much_is_known_and_what_was_thought_
 def test_every_plan_is_for_the_basket_that_was_asked_for(method, demonstrations):
     skill = PractisingSkill(demonstrations, method=method)
     plan = skill.plan(BASKETS[0], explore=True)
-    np.testing.assert_array_equal(plan.target, BASKETS[0])
+    np.testing.assert_array_equal(plan.thrown.target, BASKETS[0])
 
 
 def test_a_correction_moves_the_plan_and_not_the_basket(demonstrations):
@@ -213,7 +213,7 @@ def test_a_correction_moves_the_plan_and_not_the_basket(demonstrations):
     plan = skill.plan(BASKETS[0])
     short = np.hypot(*landing_if_late(plan, 0.0)[:2])
     assert short == pytest.approx(np.hypot(*BASKETS[0][:2]) - 0.10, abs=0.01)
-    np.testing.assert_allclose(plan.predicted_landing, BASKETS[0], atol=0.01)
+    np.testing.assert_allclose(plan.thrown.landing, BASKETS[0], atol=0.01)
 
 
 def test_an_unknown_method_is_refused(demonstrations):

@@ -94,12 +94,12 @@ def test_a_plan_of_badly_registered_cameras_is_the_same_motion_of_the_arm(demons
     """
     target = np.array([1.8, 0.2, 0.4])
     base = Rotation.from_quat(TRUE.turn)
-    plain = learn_throwing(demonstrations).plan(target).motion.as_the_arm_has_it()
+    plain = learn_throwing(demonstrations).plan(target).as_the_arm_has_it()
     plan = learn_throwing([moved(one) for one in demonstrations]).plan(
         base.apply(target) + np.array(TRUE.shift)
     )
     assert not plan.registration.is_none
-    done = plan.motion.as_the_arm_has_it()
+    done = plan.as_the_arm_has_it()
     assert done.registration.is_none
     at = np.linspace(0.1, min(plain.end, done.end), 20)
     where = [

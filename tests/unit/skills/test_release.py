@@ -13,11 +13,14 @@ from scipy.spatial.transform import Rotation
 from dart_skill.arm import (
     STRETCHED,
     CommanderSettings,
+    ExpectedThrow,
     Gains,
+    Grip,
+    GripEvent,
     HandPath,
+    MotionPlan,
     PlanRefused,
     Registration,
-    ThrowPlan,
     check_plan,
     wam_description,
 )
@@ -69,18 +72,16 @@ def plan_of(target, release=0.2, time=None):
     position, quaternion, velocity = hand_at(time)
     path = HandPath(time, position, quaternion, velocity, np.zeros((len(time), 6)))
     gains = Gains(200.0, 28.0)
-    return ThrowPlan(
-        target,
-        target,
-        target,
+    return MotionPlan(
         path,
         position,
         quaternion,
         gains,
         gains,
-        release,
-        release - 0.03,
         np.zeros(7),
+        release,
+        events=(GripEvent(release - 0.03, Grip.OPEN, release),),
+        throw=ExpectedThrow(target, target, target),
     )
 
 
@@ -197,7 +198,7 @@ def test_a_plan_lets_go_where_its_own_path_throws_farthest(demonstrations):
     for one, least, most in ((plan, 0.0, 0.002), (shown, 0.006, 0.03)):
         hits = np.hypot(*landing_if_late(one, np.array([-0.004, 0.004]))[:, :2].T)
         assert least <= np.abs(hits - 1.9026).max() < most, (one.release, hits)
-    assert_allclose(plan.predicted_landing, landing_if_late(plan, 0.0, BASKETS), atol=1e-5)
+    assert_allclose(plan.thrown.landing, landing_if_late(plan, 0.0, BASKETS), atol=1e-5)
 
 
 def test_a_release_that_is_moved_is_moved_only_where_the_teacher_decides_it(demonstrations):
@@ -233,13 +234,13 @@ def test_a_hand_that_would_go_beyond_the_arms_reach_lets_go_before(demonstration
     few, target = [demonstrations[0], demonstrations[2]], np.array([distance, 0.0, 0.4])
     with pytest.raises(PlanRefused, match="from the shoulder"):
         check_plan(
-            learn_throwing(few, configuration("shown_release")).plan(target).motion,
+            learn_throwing(few, configuration("shown_release")).plan(target),
             CommanderSettings.configured(),
             wam_description(),
         )
     plan = learn_throwing(few).plan(target)
-    check_plan(plan.motion.as_the_arm_has_it(), CommanderSettings.configured(), wam_description())
-    assert_allclose(plan.predicted_landing, target, atol=5e-3)
+    check_plan(plan.as_the_arm_has_it(), CommanderSettings.configured(), wam_description())
+    assert_allclose(plan.thrown.landing, target, atol=5e-3)
 
 
 def test_hands_that_are_certainly_within_reach_are_within_it_whatever_the_registration():

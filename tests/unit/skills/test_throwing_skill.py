@@ -79,7 +79,7 @@ def flown(plan):
         np.array([np.interp(plan.release, plan.path.time, column) for column in values.T])
         for values in (grip, velocity)
     ]
-    return landing(*at_release, plan.target[2]).position
+    return landing(*at_release, plan.thrown.target[2]).position
 
 
 # preparing
@@ -228,8 +228,8 @@ def test_turned_frames_are_the_azimuth_frame_and_that_of_the_target():
 @pytest.mark.parametrize("basket", NEW_BASKETS)
 def test_a_plan_lands_on_a_basket_that_nobody_demonstrated(skill, basket):
     plan = skill.plan(np.array(basket))
-    assert np.linalg.norm(plan.predicted_landing - basket) < 5e-3, plan.predicted_landing
-    np.testing.assert_array_equal(plan.target, basket)
+    assert np.linalg.norm(plan.thrown.landing - basket) < 5e-3, plan.thrown.landing
+    np.testing.assert_array_equal(plan.thrown.target, basket)
 
 
 @pytest.mark.parametrize("basket", NEW_BASKETS)
@@ -238,7 +238,7 @@ def test_the_predicted_landing_is_that_of_the_planned_path(skill, basket):
     would show as centimetres.
     """
     plan = skill.plan(np.array(basket))
-    np.testing.assert_allclose(flown(plan), plan.predicted_landing, atol=8e-3)
+    np.testing.assert_allclose(flown(plan), plan.thrown.landing, atol=8e-3)
 
 
 def test_velocity_and_acceleration_of_a_path_are_its_derivatives(new_plan):
@@ -281,7 +281,7 @@ def test_the_plan_looks_like_the_demonstrations(skill, new_plan):
 
 
 def test_the_commander_accepts_the_plan(new_plan):
-    check_plan(new_plan.motion, CommanderSettings.configured(), wam_description())
+    check_plan(new_plan, CommanderSettings.configured(), wam_description())
     position, _ = ArmModel().hand_pose(new_plan.start_posture)
     assert np.linalg.norm(position - new_plan.path.position[0]) < 0.02
 
@@ -341,9 +341,7 @@ def test_turning_the_world_turns_the_plan(demonstrations, name, loose, angle):
     assert (plan.release, plan.open_hand) == pytest.approx(
         (first.release, first.open_hand), abs=loose * 1e-4
     )
-    np.testing.assert_allclose(
-        plan.predicted_landing, turn.apply(first.predicted_landing), atol=2e-3
-    )
+    np.testing.assert_allclose(plan.thrown.landing, turn.apply(first.thrown.landing), atol=2e-3)
 
 
 def test_another_demonstration_makes_another_model(demonstrations, skill):
@@ -395,7 +393,7 @@ def test_one_demonstration_is_too_few(demonstrations):
 
 def test_two_demonstrations_are_enough_to_plan_between_them(demonstrations):
     plan = learn_throwing(demonstrations[:2]).plan(np.array([1.9, -0.3, 0.4]))
-    assert np.linalg.norm(plan.predicted_landing - [1.9, -0.3, 0.4]) < 5e-3
+    assert np.linalg.norm(plan.thrown.landing - [1.9, -0.3, 0.4]) < 5e-3
 
 
 def test_baskets_beyond_the_demonstrations_are_unreachable(skill):
@@ -509,8 +507,8 @@ def test_settings_that_make_no_sense_name_the_value(field, value):
 @pytest.mark.parametrize("name", sorted(CONFIGURATIONS))
 def test_every_named_configuration_learns_and_plans(demonstrations, name):
     plan = learn_throwing(demonstrations, configuration(name)).plan(np.array(NEW_BASKETS[0]))
-    assert np.isfinite(plan.predicted_landing).all()
-    assert plan.predicted_landing[2] == pytest.approx(0.4)
+    assert np.isfinite(plan.thrown.landing).all()
+    assert plan.thrown.landing[2] == pytest.approx(0.4)
     speed = np.linalg.norm(plan.path.velocity[:, :3], axis=1).max()
     assert 1.0 < speed < 6.0
     assert 0.0 <= plan.open_hand < plan.release < plan.path.duration
@@ -521,9 +519,9 @@ def test_the_thesis_aims_at_the_basket_itself_and_misses_by_more(demonstrations,
     solves for its aim.
     """
     plan = learn_throwing(demonstrations, configuration("thesis")).plan(np.array(NEW_BASKETS[0]))
-    np.testing.assert_array_equal(plan.aim, plan.target)
+    np.testing.assert_array_equal(plan.thrown.aim, plan.thrown.target)
     default_miss, thesis_miss = (
-        np.linalg.norm(p.predicted_landing - p.target) for p in (new_plan, plan)
+        np.linalg.norm(p.thrown.landing - p.thrown.target) for p in (new_plan, plan)
     )
     assert default_miss < 5e-3 < thesis_miss < 1.5, (default_miss, thesis_miss)
 
@@ -576,7 +574,7 @@ def test_a_movement_that_the_state_carries_releases_at_its_clock_and_lands_on_th
     basket = np.array([1.9, 0.1, 0.4])
     skill = learn_throwing(demonstrations, configuration("autonomous"))
     plan = skill.plan(basket)
-    np.testing.assert_allclose(plan.predicted_landing, basket, atol=0.005)
+    np.testing.assert_allclose(plan.thrown.landing, basket, atol=0.005)
     by_time = learn_throwing(demonstrations).plan(basket)
     at = [p.path.position[np.searchsorted(p.path.time, p.release)] for p in (plan, by_time)]
     assert np.linalg.norm(at[0] - at[1]) < 0.05, "it lets go where the movement in time does"
