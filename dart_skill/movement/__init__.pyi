@@ -62,6 +62,7 @@ from dart_skill.movement._segmentation import Segment as Segment
 from dart_skill.movement._segmentation import VelocityThreshold as VelocityThreshold
 from dart_skill.movement._segmentation import segment_containing as segment_containing
 from dart_skill.movement._segmentation import speed as speed
+from dart_skill.movement._springs import SpringMixture as SpringMixture
 from dart_skill.movement._task_parameterised import PartialFrame as PartialFrame
 from dart_skill.movement._task_parameterised import (
     TaskParameterisedMixture as TaskParameterisedMixture,

@@ -25,6 +25,7 @@ from dart_skill.movement.pose._primitives import (
     DiscretePosePrimitive,
     PoseState,
     PoseTrajectory,
+    RhythmicPosePrimitive,
 )
 from dart_skill.movement.pose._task_parameterised import TaskParameterisedPoseMixture
 
@@ -37,6 +38,7 @@ __all__ = [
     "PoseReproduction",
     "PoseState",
     "PoseTrajectory",
+    "RhythmicPosePrimitive",
     "TaskParameterisedPoseMixture",
     "angles_between",
     "exponential",

@@ -42,22 +42,24 @@ def long_vectors(rotations: np.ndarray) -> np.ndarray:
     )
 
 
-def path_about_end(rotations: np.ndarray) -> np.ndarray:
-    """Coordinates e (n, 3) of a path (n, 4) about its last sample, without jumps.
+def path_about(rotations: np.ndarray, base: np.ndarray, last: bool) -> np.ndarray:
+    """Coordinates e (n, 3) of a path (n, 4) without jumps; at its last sample, or its first one,
+    at most half a turn.
 
     Raises
     ------
     ValueError
         If the path comes near a full turn from the base.
     """
-    rows = relative(rotations, rotations[-1])[::-1]
-    vectors = long_vectors(make_continuous(rows * (1.0 if rows[0, 3] >= 0 else -1.0))[::-1])
+    rows = relative(rotations, base)[:: -1 if last else 1]
+    rows = make_continuous(rows * (1.0 if rows[0, 3] >= 0 else -1.0))[:: -1 if last else 1]
+    vectors = long_vectors(rows)
     angles = np.linalg.norm(vectors, axis=1)
     if angles.max() > LARGEST_TURN:
         row = int(angles.argmax())
         raise ValueError(
-            f"sample {row} is turned by {np.degrees(angles[row]):.0f} degrees against the goal;"
-            " a primitive learns less than a full turn: cut the movement into two, or"
+            f"sample {row} is turned by {np.degrees(angles[row]):.0f} degrees against the goal or"
+            " baseline; a primitive learns less than a full turn: cut the movement into two, or"
             " learn it as a PoseDSGMR"
         )
     return vectors

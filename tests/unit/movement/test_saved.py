@@ -20,6 +20,7 @@ from dart_skill.movement.pose import (
     DiscretePosePrimitive,
     PoseDSGMR,
     PoseFrame,
+    RhythmicPosePrimitive,
     TaskParameterisedPoseMixture,
 )
 
@@ -83,6 +84,15 @@ def discrete_pose():
     return DiscretePosePrimitive(20).fit([TIME] * 4, [poses(goal) for goal in GOALS])
 
 
+def rhythmic_pose():
+    time = np.linspace(0.0, 5.0, 501)
+    turn = 0.2 * np.sin(4.0 * time)
+    zero = np.zeros_like(time)
+    return RhythmicPosePrimitive(25).fit(
+        time, np.column_stack([turn, zero, zero, np.sin(turn), zero, zero, np.cos(turn)])
+    )
+
+
 def moved(model):
     """Everything that a model says of a new situation, as one array."""
     new = [0.55, 0.6]
@@ -113,6 +123,7 @@ MAKERS = [
     rhythmic,
     pose_ds_gmr,
     discrete_pose,
+    rhythmic_pose,
 ]
 
 
@@ -174,6 +185,11 @@ def test_a_model_says_what_it_is():
         repr(discrete())
         == "DiscretePrimitive(n_basis=20, goal_path='fixed'): 4 demonstrations, 2 movement"
         " variables, 20 kernels"
+    )
+    assert (
+        repr(rhythmic_pose())
+        == "RhythmicPosePrimitive(n_basis=25): 1 demonstration, positions and orientations, 25"
+        " kernels"
     )
     assert repr(DSGMR(3)) == "DSGMR(n_components=3)"
 

@@ -9,16 +9,19 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from dart_skill.movement import DiscretePrimitive
+from dart_skill.movement import DiscretePrimitive, RhythmicPrimitive
 from dart_skill.movement.pose import (
     DiscretePosePrimitive,
+    RhythmicPosePrimitive,
     angles_between,
     exponential,
+    logarithm,
 )
 from tests.unit.movement.pose.random_poses import apart, blocks, flipped, orientations, turned
 
 TIME = np.linspace(0.0, 2.0, 201)
 BLEND = (TIME / 2.0) ** 3 * (10.0 - 15.0 * TIME / 2.0 + 6.0 * (TIME / 2.0) ** 2)
+CIRCLES = np.linspace(0.0, 4.0, 401)
 
 
 @pytest.fixture
@@ -40,6 +43,18 @@ def turn_by(degrees, rng):
         np.sin(np.pi * BLEND) ** 2, [0.0, 0.1, 0.1]
     )
     return np.column_stack([place, path.as_quat()])
+
+
+def stirring(rng, period=1.0, swing=1.2):
+    """Poses (401, 7) that repeat: a circle, and a wrist that swings about two axes."""
+    angle = 2.0 * np.pi * CIRCLES / period
+    swings = swing * np.column_stack(
+        [np.sin(angle), 0.6 * np.cos(angle), 0.3 * np.sin(2.0 * angle)]
+    )
+    path = Rotation.from_rotvec(swings) * Rotation.from_quat(orientations(1, rng)[0])
+    return np.column_stack(
+        [0.1 * np.cos(angle), 0.1 * np.sin(angle), np.full(401, 0.3), path.as_quat()]
+    )
 
 
 def coordinates(poses, base):
@@ -191,73 +206,90 @@ def test_a_goal_that_keeps_turning_is_followed_beyond_half_a_turn(rng):
 
 
 def test_steps_are_the_open_loop(rng):
-    primitive = DiscretePosePrimitive(25).fit(TIME, turn_by(200.0, rng))
-    states, made = (
-        stepped(primitive, primitive.begin(), 80),
-        primitive.open_loop(0.01 * np.arange(81)),
-    )
-    assert apart(np.array([state.pose for state in states]), made.pose) < 1e-6
-    np.testing.assert_allclose([state.velocity for state in states], made.velocity, atol=1e-5)
-    np.testing.assert_allclose(
-        [state.acceleration for state in states], made.acceleration, atol=1e-3
-    )
-    np.testing.assert_allclose(
-        np.gradient(made.pose[:, :3], 0.01, axis=0)[1:-1], made.velocity[1:-1, :3], atol=1e-2
-    )
+    for primitive in (
+        DiscretePosePrimitive(25).fit(TIME, turn_by(200.0, rng)),
+        RhythmicPosePrimitive(25).fit(CIRCLES, stirring(rng)),
+    ):
+        states, made = (
+            stepped(primitive, primitive.begin(), 80),
+            primitive.open_loop(0.01 * np.arange(81)),
+        )
+        assert apart(np.array([state.pose for state in states]), made.pose) < 1e-6
+        np.testing.assert_allclose([state.velocity for state in states], made.velocity, atol=1e-5)
+        np.testing.assert_allclose(
+            [state.acceleration for state in states], made.acceleration, atol=1e-3
+        )
+        np.testing.assert_allclose(
+            np.gradient(made.pose[:, :3], 0.01, axis=0)[1:-1], made.velocity[1:-1, :3], atol=1e-2
+        )
 
 
 def test_turning_the_demonstration_turns_the_movement_and_signs_do_not_matter(rng):
     rotation, shift = Rotation.random(random_state=6), rng.normal(size=3)
-    kind, time, poses = DiscretePosePrimitive, TIME, turn_by(220.0, rng)
-    here, there = (
-        kind(25).fit(time, poses),
-        kind(25).fit(time, flipped(turned(poses, rotation, 0, shift), rng)),
-    )
-    # Whether a track is smoothed depends on its noise, which is zero but for rounding.
-    one, other = here.open_loop(time), there.open_loop(time)
-    assert apart(other.pose, turned(one.pose, rotation, 0, shift)) < 1e-10
-    np.testing.assert_allclose(
-        other.pose[:, :3], turned(one.pose, rotation, 0, shift)[:, :3], atol=1e-10
-    )
-    np.testing.assert_allclose(other.velocity, one.velocity @ blocks(rotation).T, atol=1e-8)
+    for kind, time, poses in (
+        (DiscretePosePrimitive, TIME, turn_by(220.0, rng)),
+        (RhythmicPosePrimitive, CIRCLES, stirring(rng)),
+    ):
+        here, there = (
+            kind(25).fit(time, poses),
+            kind(25).fit(time, flipped(turned(poses, rotation, 0, shift), rng)),
+        )
+        # Whether a track is smoothed depends on its noise, which is zero but for rounding.
+        one, other = here.open_loop(time), there.open_loop(time)
+        assert apart(other.pose, turned(one.pose, rotation, 0, shift)) < 1e-10
+        np.testing.assert_allclose(
+            other.pose[:, :3], turned(one.pose, rotation, 0, shift)[:, :3], atol=1e-10
+        )
+        np.testing.assert_allclose(other.velocity, one.velocity @ blocks(rotation).T, atol=1e-8)
 
 
 def test_a_push_moves_the_hand_and_a_tracking_error_makes_it_wait(rng):
-    primitive = DiscretePosePrimitive(25).fit(TIME, turn_by(100.0, rng))
-    state = stepped(primitive, primitive.begin(), 30)[-1]
-    push = np.array([0.0, 0.0, 1.0, 0.0, 2.0, 0.0])
-    free, pushed = primitive.step(state, 1e-3), primitive.step(state, 1e-3, coupling=push)
-    # The spring answers at once, by a few parts in a hundred.
-    np.testing.assert_allclose((pushed.velocity - free.velocity) / 1e-3, push, atol=0.1)
-    np.testing.assert_allclose(pushed.acceleration - free.acceleration, push, atol=0.1)
-    held = stepped(primitive, state, 50, tracking_error=[0.0, 0.0, 0.0, 0.0, 0.0, 1.0])[-1]
-    free = stepped(primitive, state, 50)[-1]
-    assert held.progress - state.progress < 0.5 * (free.progress - state.progress)
-    assert held.pace < 0.05
+    for primitive in (
+        DiscretePosePrimitive(25).fit(TIME, turn_by(100.0, rng)),
+        RhythmicPosePrimitive(25).fit(CIRCLES, stirring(rng)),
+    ):
+        state = stepped(primitive, primitive.begin(), 30)[-1]
+        push = np.array([0.0, 0.0, 1.0, 0.0, 2.0, 0.0])
+        free, pushed = primitive.step(state, 1e-3), primitive.step(state, 1e-3, coupling=push)
+        # The spring answers at once, by a few parts in a hundred.
+        np.testing.assert_allclose((pushed.velocity - free.velocity) / 1e-3, push, atol=0.1)
+        np.testing.assert_allclose(pushed.acceleration - free.acceleration, push, atol=0.1)
+        held = stepped(primitive, state, 50, tracking_error=[0.0, 0.0, 0.0, 0.0, 0.0, 1.0])[-1]
+        free = stepped(primitive, state, 50)[-1]
+        assert (held.progress - state.progress) % 1.0 < 0.5 * (
+            (free.progress - state.progress) % 1.0
+        )
+        assert held.pace < 0.05
 
 
 def test_it_continues_from_a_measured_pose(rng):
-    primitive = DiscretePosePrimitive(25).fit(TIME, turn_by(100.0, rng))
-    state = stepped(primitive, primitive.begin(), 50)[-1]
-    measured = replace(
-        state,
-        pose=exponential(state.pose, [0.0, 0.01, 0.0, 0.1, 0.0, 0.0]),
-        velocity=np.zeros(6),
-    )
-    after = primitive.step(measured, 1e-6)
-    assert apart(after.pose, measured.pose) < 1e-8 and np.abs(after.velocity).max() < 1e-3
+    for primitive in (
+        DiscretePosePrimitive(25).fit(TIME, turn_by(100.0, rng)),
+        RhythmicPosePrimitive(25).fit(CIRCLES, stirring(rng)),
+    ):
+        state = stepped(primitive, primitive.begin(), 50)[-1]
+        measured = replace(
+            state,
+            pose=exponential(state.pose, [0.0, 0.01, 0.0, 0.1, 0.0, 0.0]),
+            velocity=np.zeros(6),
+        )
+        after = primitive.step(measured, 1e-6)
+        assert apart(after.pose, measured.pose) < 1e-8 and np.abs(after.velocity).max() < 1e-3
 
 
 def test_parameters_are_those_of_six_columns(rng):
-    primitive = DiscretePosePrimitive(25).fit(TIME, turn_by(100.0, rng))
-    assert primitive.parameters.shape == (150,) and primitive.n_dims == 6
-    same, other = (
-        primitive.with_parameters(primitive.parameters),
-        primitive.with_parameters(np.zeros(150)),
-    )
-    np.testing.assert_array_equal(same.open_loop(0.02).pose, primitive.open_loop(0.02).pose)
-    assert not other.weights_.any() and primitive.weights_.any()
-    np.testing.assert_allclose(primitive.activations([0.1, 0.9]).sum(1), 1.0)
+    for primitive in (
+        DiscretePosePrimitive(25).fit(TIME, turn_by(100.0, rng)),
+        RhythmicPosePrimitive(25).fit(CIRCLES, stirring(rng)),
+    ):
+        assert primitive.parameters.shape == (150,) and primitive.n_dims == 6
+        same, other = (
+            primitive.with_parameters(primitive.parameters),
+            primitive.with_parameters(np.zeros(150)),
+        )
+        np.testing.assert_array_equal(same.open_loop(0.02).pose, primitive.open_loop(0.02).pose)
+        assert not other.weights_.any() and primitive.weights_.any()
+        np.testing.assert_allclose(primitive.activations([0.1, 0.9]).sum(1), 1.0)
 
 
 PEER = {60.0: 0.067, 120.0: 0.133, 170.0: 0.189, 190.0: 178.298, 260.0: 2.692, 330.0: 1.703}
@@ -311,6 +343,67 @@ def test_a_hand_that_keeps_still_keeps_still():
     )
 
 
+# --- rhythmic ---
+
+
+def test_a_cycle_comes_back_and_its_period_is_found(rng):
+    poses = stirring(rng)
+    primitive = RhythmicPosePrimitive(30).fit(CIRCLES, flipped(poses, rng))
+    assert primitive.period_ == pytest.approx(1.0, abs=1e-3)
+    made = primitive.open_loop(CIRCLES)
+    assert np.degrees(angles_between(made.pose, poses)[20:-20].max()) < 0.5
+    np.testing.assert_allclose(made.pose[20:-20, :3], poses[20:-20, :3], atol=2e-3)
+    pose, velocity = primitive.limit_cycle(0.25)
+    assert np.degrees(angles_between(pose, poses[25])) < 0.5
+    again = primitive.open_loop([0.0, primitive.period_], primitive.begin(phase=0.25))
+    assert apart(again.pose[0], again.pose[1]) < 1e-4
+
+
+def test_it_is_the_linear_primitive_in_rotation_vectors_from_the_baseline(rng):
+    poses = stirring(rng)
+    primitive = RhythmicPosePrimitive(30).fit(CIRCLES, poses, period=1.0)
+    flat = coordinates(poses, primitive.baseline_[3:])
+    linear = RhythmicPrimitive(30).fit(CIRCLES, flat, period=1.0)
+    np.testing.assert_allclose(linear.baseline_[3:], 0.0, atol=1e-9)
+    np.testing.assert_allclose(primitive.weights_, linear.weights_, atol=1e-6)
+    wanted = linear.open_loop(CIRCLES).position
+    assert (
+        apart(
+            primitive.open_loop(CIRCLES).pose,
+            (
+                Rotation.from_rotvec(wanted[:, 3:]) * Rotation.from_quat(primitive.baseline_[3:])
+            ).as_quat(),
+        )
+        < 1e-8
+    )
+
+
+def test_another_baseline_carries_the_cycle_along_smoothly(rng):
+    primitive = RhythmicPosePrimitive(30).fit(CIRCLES, stirring(rng))
+    there = exponential(primitive.baseline_, [0.2, 0.0, 0.1, 0.0, np.radians(170.0), 0.0])
+    before = stepped(primitive, primitive.begin(), 50)
+    after = stepped(primitive, before[-1], 150, baseline=there)
+    wanted = primitive.limit_cycle(after[-1].progress, baseline=there)
+    assert np.degrees(angles_between(after[-1].pose, wanted[0])) < 0.1
+    np.testing.assert_allclose(after[-1].velocity, wanted[1], atol=0.02)
+    poses = np.array([state.pose for state in before + after[1:]])
+    rates = np.array([state.velocity for state in before + after[1:]])
+    turns = logarithm(poses[:-1], poses[1:])[:, 3:] / 0.01
+    np.testing.assert_allclose(
+        turns, 0.5 * (rates[1:, 3:] + rates[:-1, 3:]), atol=0.05 * np.abs(rates).max()
+    )
+
+
+def test_from_another_start_the_cycle_is_reached(rng):
+    primitive = RhythmicPosePrimitive(30).fit(CIRCLES, stirring(rng))
+    state = primitive.begin(
+        exponential(primitive.baseline_, [0.3, 0.0, 0.0, 2.0, 0.0, 0.0]), velocity=np.zeros(6)
+    )
+    assert np.abs(state.velocity).max() < 1e-9
+    state = stepped(primitive, state, 200)[-1]
+    assert np.degrees(angles_between(state.pose, primitive.limit_cycle(state.progress)[0])) < 0.1
+
+
 # --- what is wrong ---
 
 POSES = turn_by(90.0, np.random.default_rng(0))
@@ -357,6 +450,12 @@ WRONG = {
     "dt must be above 0": lambda: FITTED.step(FITTED.begin(), 0.0),
     "state must be a PoseState": lambda: FITTED.step(3, 0.01),
     "parameters must have length 60": lambda: FITTED.with_parameters(np.zeros(3)),
+    "does not repeat": lambda: RhythmicPosePrimitive().fit(TIME, POSES),
+    "amplitude must be one number or one per dimension": lambda: (
+        RhythmicPosePrimitive(10)
+        .fit(CIRCLES, stirring(np.random.default_rng(0)))
+        .begin(amplitude=np.ones(9))
+    ),
 }
 
 
