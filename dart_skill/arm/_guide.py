@@ -215,7 +215,8 @@ class CarefulGuide(PlanGuide):
 
     def look(self, time: float, hand: HandState, stamp_ns: int) -> Guidance:
         """As of `Guide`."""
-        step, self._then = time - self._then, time
+        step = time - self._then
+        self._then = time
         seen = self._hand_seen.offset(stamp_ns, hand.position, hand.rotation)
         planned = super().look(time - self._waited, hand, stamp_ns)
         velocity, carries = planned.reference.velocity[:3], planned.carries

@@ -158,7 +158,8 @@ class RestTakenOut:
         left
             Where the hand is, from where it shall be: shift and turn (6,) [m], [rad].
         """
-        step, self._then = time - self._then, time
+        step = time - self._then
+        self._then = time
         if (np.abs(left) < LARGEST_REST).all():
             self._sum = np.clip(self._sum + TAKES_OUT * step * left, -LARGEST_REST, LARGEST_REST)
         return SeenOffset(self._sum[:3], self._sum[3:])

@@ -146,7 +146,8 @@ def place_seed(
     learned = LearnedSkill(skill, teach_place(session, skill, rng, demonstrations))
     placed = []
     for number in range(own + parts):
-        one, outcome = _place_once(session, learned, skill.draw(rng, wide=True).pose("holder"))
+        holder = skill.draw(rng, wide=True).pose("holder")
+        one, outcome = _place_once(session, learned, holder, skill.settings.shown_at)
         if number >= own:
             placed.append(one)
         elif outcome is not None:
@@ -156,10 +157,9 @@ def place_seed(
 
 
 def _place_once(
-    session: BenchSession, learned: LearnedSkill, holder: Pose
+    session: BenchSession, learned: LearnedSkill, holder: Pose, shown_at: Sequence[float]
 ) -> tuple[Placed, TaskOutcome | None]:
     """One part, and what came of it; None without a plan."""
-    shown_at = learned.skill.settings.shown_at
     away = float(np.hypot(*(holder.position[:2] - shown_at)))
     turn = float(Rotation.from_quat(holder.quaternion).as_rotvec()[2])
     try:
