@@ -189,7 +189,7 @@ class Reaching:
         Of where the hand ends in the cup, along each axis [m].
     rest
         The hand stays in the cup for so long [s].
-    follows, firm_hand, firm_wrist
+    follows, firm_wrist
         As of `Guiding`.
     """
 
@@ -202,7 +202,6 @@ class Reaching:
     aim_spread: float = 0.003
     rest: float = 1.0
     follows: float = 6.0
-    firm_hand: tuple[float, float] = SLOW_HAND
     firm_wrist: tuple[float, float] = SLOW_WRIST
 
 
@@ -234,7 +233,7 @@ class Reacher(Guiding):
             seed,
             person,
             self.reaching.follows,
-            self.reaching.firm_hand,
+            None,  # the cup moves on: a soft push would lag behind
             self.reaching.firm_wrist,
             step,
             looks_at=hand,

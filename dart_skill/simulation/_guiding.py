@@ -27,7 +27,7 @@ MOST_LEFT = np.repeat([0.02, 0.3], 3)
 
 
 SLOW_HAND = (2500.0, 100.0)
-"""Stiffness and damping of a push that guides slowly [N/m, N s/m]. The simulated person knows the
+"""Stiffness and damping of a push that guides slowly and exactly [N/m, N s/m]. The simulated person knows the
 hand from the joints, on the motors' side of the cables: as firm as in a swing they would make arms
 of config/fleet.yaml swing by millimetres.
 """
@@ -48,7 +48,8 @@ class Guiding:
     follows
         How fast what is left of the distance to the path is taken out [1/s]: a person sees it.
     firm_hand, firm_wrist
-        Stiffness and damping of the push [N/m, N s/m] and of the turn [N m/rad, N m s/rad].
+        Stiffness and damping of the push [N/m, N s/m], None: those of the person, and of the turn
+        [N m/rad, N m s/rad].
     step
         Control period [s].
     looks_at
@@ -61,13 +62,14 @@ class Guiding:
         seed: int,
         person: Person | None,
         follows: float,
-        firm_hand: tuple[float, float],
+        firm_hand: tuple[float, float] | None,
         firm_wrist: tuple[float, float],
         step: float,
         looks_at: str = "",
     ):
         self.person = person or Person()
-        self._follows, self._firm_hand, self._firm_wrist = follows, firm_hand, firm_wrist
+        self._firm_hand = firm_hand or self.person.firm_hand
+        self._follows, self._firm_wrist = follows, firm_wrist
         self._model, self._seed, self._step, self._times = ArmModel(), seed, step, 0
         self._looks_at = looks_at
         self.forget()
@@ -165,7 +167,7 @@ class Holder(Guiding):
 
     def __init__(self, seed: int = 0, person: Person | None = None, step: float = 0.002):
         super().__init__(
-            seed, person, follows=0.0, firm_hand=SLOW_HAND, firm_wrist=SLOW_WRIST, step=step
+            seed, person, follows=0.0, firm_hand=None, firm_wrist=SLOW_WRIST, step=step
         )
         self._met: tuple[np.ndarray, np.ndarray] | None = None
 

@@ -150,9 +150,7 @@ def guided(plant, reacher):
     reacher.begin(plant.arm_state)
     rows = []
     while not reacher.done(plant.arm_state):
-        reacher.watch(
-            plant.arm_state, plant.cup[0], np.array(plant.state.ball_velocity), np.zeros(3)
-        )
+        reacher.watch(plant.arm_state, plant.cup[0], np.array(plant.state.ball_velocity))
         plant.step(Command(plant.state_stamp_ns), reacher.step(plant.arm_state))
         rows.append(plant.hand_position - plant.cup[0])
     return np.array(rows)

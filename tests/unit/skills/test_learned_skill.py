@@ -111,7 +111,7 @@ def test_velocities_are_those_of_the_path(learned):
 
 @pytest.mark.parametrize("turn", np.deg2rad([-60.0, 60.0, 90.0]))
 def test_axes_that_were_seen_to_turn_hold_back_no_turn_that_goes_further(learned, turn):
-    """The chord of the arc that was shown, 40 degrees at most, is no bound."""
+    """The chord of the arc that was shown, 29 degrees at most, is no bound."""
     body = body_at(0.6, 0.1, turn)
     assert end_of(learned.plan(situation_of(body)), body)[1] < 1e-3
 
