@@ -280,3 +280,15 @@ def test_a_skill_that_there_is_not_is_refused_before_anything_starts(tmp_path, v
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 2 and "no skill 'plaec': choose one of darts, place" in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_a_lesson_is_judged_where_the_cameras_see_the_bodies(make_graph, place):
+    """They may see a world that is turned and shifted: by more than a part may be beside its seat."""
+    turned = {"composed": {"registration_shift": 0.01, "registration_turn": 0.01}}
+    _, client = make_graph("composed", SEED, turned, skill="place")
+    situation = conversions.situation_msg(place.draw(np.random.default_rng(SEED)))
+    lesson = client.show(situation)
+    assert lesson.success and lesson.attempts == 1, lesson.message
+    seen = conversions.place_of(lesson.outcome.situation, "holder")
+    asked = conversions.place_of(situation, "holder")
+    assert np.linalg.norm(seen - asked) > 0.004
