@@ -17,11 +17,14 @@ from dart_skill.arm import (
     Gains,
     Grip,
     GripEvent,
+    Guidance,
     HandPath,
     HeldCommand,
     Mode,
     MotionPlan,
     PlanRefused,
+    PoseGains,
+    Reference,
     Registration,
     Speed,
     same_plan,
@@ -760,3 +763,54 @@ def test_only_a_careful_motion_takes_out_what_is_left_of_its_distance(speed, gro
     ]
     grown = torques[-1] - torques[0]
     assert grown < grows if speed == Speed.CAREFUL else grown == pytest.approx(grows, abs=0.02)
+
+
+class Still:
+    """A guide of a careful hand that stays where it began, and keeps what it was shown."""
+
+    what, start_posture, speed = "stay", REST, Speed.CAREFUL
+
+    def __init__(self, touches=False):
+        self.touches, self.seen = touches, []
+
+    def see(self, *pose):
+        self.seen.append(pose)
+
+    def look(self, time, hand, stamp_ns):
+        place, turn = MODEL.hand_pose(REST)
+        gains = PoseGains.of((200.0, 28.0), (200.0, 28.0))
+        here = Reference(place, turn, place, turn, np.zeros(6), np.zeros(6))
+        return Guidance(
+            time, here, gains, Grip.UNSPECIFIED, False, 0.0, False, touches=self.touches
+        )
+
+
+@pytest.mark.parametrize(("touches", "grows"), [(False, -0.36), (True, 0.0)])
+def test_an_arm_that_touches_something_presses_no_harder_with_time(touches, grows):
+    """J1 is held 0.01 rad aside for 0.2 s, as of a careful motion above."""
+    commander, stamp = Commander(CommanderSettings.configured(tracking="joints")), 0
+    commander.step(at(stamp))
+    commander.follow(Still(touches))
+    while commander.mode != Mode.EXECUTING:
+        stamp += PERIOD
+        commander.step(at(stamp))
+    aside = REST + 0.01 * (np.arange(7) == 0)
+    torques = [
+        commander.step(at(stamp + k * PERIOD, aside)).joint_torque[0] for k in range(1, 102)
+    ]
+    assert torques[-1] - torques[0] == pytest.approx(grows, abs=0.02)
+
+
+def test_what_cameras_see_reaches_the_guide_of_the_motion_under_way_alone():
+    commander, guide = Commander(), Still()
+    pose = "hand", 5, np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])
+    commander.step(at(0))
+    commander.see(*pose)
+    commander.follow(guide)
+    commander.see(*pose)
+    commander.step(at(PERIOD))
+    commander.see(*pose)
+    assert len(guide.seen) == 2 and guide.seen[0] == pose
+    commander.stop("enough")
+    commander.see(*pose)
+    assert len(guide.seen) == 2

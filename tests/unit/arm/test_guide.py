@@ -23,8 +23,10 @@ from dart_skill.arm import (
     Reference,
     References,
     Registration,
+    SeenOffset,
     Speed,
     attractor_acceleration,
+    shifted,
 )
 from dart_skill.common.pace import PhaseRule
 from tests.interpreted import interpreted
@@ -383,3 +385,33 @@ def test_a_plan_with_a_pace_of_its_own_waits_by_that():
     guide = CarefulGuide(careful(pace=by_place()), 0.05, felt=0.02)
     said = looks(guide, np.full(200, 0.2))
     assert not any(now.touches for now in said)
+
+
+def test_what_is_wanted_is_shifted_so_that_the_hand_is_seen_there():
+    """A hand that obeys is at R, p by the joints, and seen at exp(turn) R, p + shift."""
+    rng = np.random.default_rng(0)
+    turns = Rotation.random(2, random_state=0).as_matrix()
+    wanted = Reference(
+        *(rng.normal(size=3), turns[0]), *(rng.normal(size=3), turns[1]), *rng.normal(size=(2, 6))
+    )
+    off = SeenOffset(np.array([0.01, -0.02, 0.005]), np.array([0.03, 0.01, -0.05]))
+    led = shifted(wanted, off)
+    seen = Rotation.from_rotvec(off.turn).as_matrix()
+    assert led.position + off.shift == pytest.approx(wanted.position)
+    assert led.attractor_position + off.shift == pytest.approx(wanted.attractor_position)
+    assert seen @ led.rotation == pytest.approx(wanted.rotation)
+    assert seen @ led.attractor_rotation == pytest.approx(wanted.attractor_rotation)
+    assert led.velocity is wanted.velocity
+
+
+def test_stamps_of_cameras_that_are_late_by_the_registration_are_put_right():
+    """A moving hand that is seen 5 mm beside is led aside, and neither forward nor back."""
+    guide = CarefulGuide(careful(), 0.05, Registration(delay=0.05))
+    for k in range(100):
+        now = guide.look(STEP * k, hand_at(SPEED * STEP * k), round(1e9 * STEP * k))
+        if k > 10:
+            then = STEP * (k - 5)
+            place = np.array([SPEED * then, 0.005, 1.0])
+            guide.see("hand", round(1e9 * (then + 0.05)), place, UPRIGHT)
+    assert now.reference.position[1] < -0.004
+    assert now.reference.position[0] == pytest.approx(SPEED * 0.99, abs=1e-9)

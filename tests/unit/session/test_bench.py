@@ -209,3 +209,18 @@ def test_a_seed_is_the_same_each_time_and_its_table_counts():
         placed
     ) and "20 cm away, turned by -29 degrees: it jammed" in place_table(placed)
     assert "0 of 1 parts" in place_table(placed[1:])
+
+
+@pytest.mark.slow
+def test_a_lesson_does_not_make_an_arm_swing_whose_cables_give():
+    """The person's wrist is firm, and knows the hand from encoders on the motors' side: it made the
+    last joint of this arm swing by a degree, at 24 Hz.
+    """
+    session = BenchSession(Place.configured(), seed=3000, arm="fleet:3000")
+    rng = np.random.default_rng([3000, 7])
+    for _ in range(2):
+        shown = session.teach(session.skill.draw(rng).pose("holder")).seen
+        begins = shown.joint_time < shown.hand_time[0] + 0.8
+        shaken = np.diff(shown.joint_position[begins], n=2, axis=0)
+        assert np.rad2deg(shaken.std(axis=0)).max() < 0.1
+    session.close()

@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import ArmModel, Command, Grip
-from dart_skill.simulation import Bench, Carrier, Carrying, PlantSettings, Workbench, make_world
+from dart_skill.arm import ArmModel, ArmState, Command, Grip
+from dart_skill.simulation import (
+    Bench,
+    Carrier,
+    Carrying,
+    Person,
+    PlantSettings,
+    Workbench,
+    make_world,
+)
 
 HOLDER = np.array([0.6, 0.1, 1.18]), np.array([0.0, 0.0, 0.0, 1.0])
 
@@ -205,3 +213,21 @@ def test_worlds_are_made_by_name(name, bodies):
 def test_a_world_that_nobody_has_is_named_with_those_there_are():
     with pytest.raises(ValueError, match="no world 'moon': choose one of basket, board, bench"):
         make_world("moon", PlantSettings())
+
+
+def test_a_part_that_is_seen_turned_about_the_hand_does_not_move_the_hand(bench):
+    """Only the turn of the hand is off then: the person pushes with a moment, and no force."""
+    plant = bench()
+    carrier = Carrier(0, person=Person(tremble=0.0))
+    part = plant.bodies["part"]
+    state = plant.arm_state
+    carrier.begin(state, part, part)
+    place, turned = ArmModel().hand_pose(state.position)
+    swing = Rotation.from_rotvec([0.02, 0.0, 0.0])
+    seen = place + swing.apply(part[0] - place), (swing * Rotation.from_quat(part[1])).as_quat()
+    for k in range(300):
+        now = ArmState(state.stamp_ns + k * 2_000_000, state.position, np.zeros(7))
+        push = carrier.step(now)
+        if k > 5:
+            carrier.see("part", now.stamp_ns, *seen)
+    assert np.linalg.norm(push.wrench[:3]) < 1.0 and np.linalg.norm(push.wrench[3:]) > 0.5
