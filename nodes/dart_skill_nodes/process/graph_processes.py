@@ -157,7 +157,7 @@ class Graph:
         graph's remappings.
         """
         arguments = [
-            ("-p", f"{name}:={json.dumps(value)}") for name, value in (parameters or {}).items()
+            ("-p", f"{name}:={_text(value)}") for name, value in (parameters or {}).items()
         ]
         arguments += [
             ("-r", f"{name}:={other}")
@@ -247,3 +247,11 @@ def _place(process: subprocess.Popen, executable: str, namespace: str) -> None:
     others = set(cores) - {chosen}
     if others:
         os.sched_setaffinity(process.pid, {chosen} if executable in TAKING_TURNS else others)
+
+
+def _text(value: object) -> str:
+    """As the command line of a node takes it: YAML. A text that is YAML already stays so, but a
+    mapping is quoted: nodes take it as text.
+    """
+    is_yaml = isinstance(value, str) and not value.startswith("{")
+    return str(value) if is_yaml else json.dumps(value)
