@@ -201,17 +201,13 @@ class CarefulGuide(PlanGuide):
         felt: float = math.inf,
     ):
         super().__init__(plan, follow_time)
-        self._registration = registration or Registration()
-        self._hand_seen, self._rest = HandSeen(HAND), RestTakenOut()
+        self._hand_seen, self._rest = HandSeen(HAND, registration), RestTakenOut()
         self._contact = ContactSearch(felt if plan.pace is None else math.inf)
         self._then, self._waited = 0.0, 0.0
 
     def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
         """As of `Guide`: the hand alone counts."""
-        if body == self._hand_seen.name:
-            stamp_ns -= round(1e9 * self._registration.delay)
-            place, turned = self._registration.poses(position[None], quaternion[None])
-            self._hand_seen.see(stamp_ns, place[0], matrices(turned[0]))
+        self._hand_seen.see(body, stamp_ns, position, quaternion)
 
     def look(self, time: float, hand: HandState, stamp_ns: int) -> Guidance:
         """As of `Guide`."""
@@ -224,7 +220,8 @@ class CarefulGuide(PlanGuide):
         rate = self._contact.rate(time, step, hand.position, aim, velocity, carries)
         if rate == 1.0 and self.plan.pace is None and self._hand_seen.is_lost(stamp_ns):
             rate = UNSEEN
-        self._waited += (1.0 - rate) * step
+        # the way back ends where the plan begins
+        self._waited = min(self._waited + (1.0 - rate) * step, time)
         wanted = shifted(
             planned.reference if rate == 1.0 else slowed(planned.reference, rate),
             SeenOffset(seen.shift - self._contact.aside, seen.turn),

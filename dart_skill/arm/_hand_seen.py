@@ -15,6 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from dart_skill.arm._drive import turn
+from dart_skill.arm._registration import Registration
+from dart_skill.common.quaternions import matrices
+from dart_skill.common.vectors import at_most
 
 FILTER_TIME = 0.1
 """Time constant with which the difference is followed [s]. Cables give to what the correction asks
@@ -56,38 +59,46 @@ class HandSeen:
     ----------
     name
         Of the body; empty: it is not looked at.
+    registration
+        Of the cameras that see it, and of the tracked body on the hand; default: they agree with
+        the arm.
     """
 
-    def __init__(self, name: str):
-        self.name = name
+    def __init__(self, name: str, registration: Registration | None = None):
+        self.name, self._registration = name, registration or Registration()
         self.newest_ns = 0
         """Stamp of the newest pose that counted [ns]; 0 before any."""
         self._arm: deque[tuple[int, np.ndarray, np.ndarray]] = deque()
         self._seen, self._poses = np.zeros(6), 0
         self._offset, self._told_ns = np.zeros(6), 0
 
-    def see(self, stamp_ns: int, position: np.ndarray, rotation: np.ndarray) -> None:
-        """A pose from the cameras, in the world of the arm; left out if the arm was not heard
+    def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """A pose from the cameras; left out if it is of another body, or the arm was not heard
         around that instant.
 
         Parameters
         ----------
-        position, rotation
-            (3,) [m] and (3, 3).
+        body
+            Its role.
+        stamp_ns, position, quaternion
+            In the world of the cameras [ns], (3,) [m], (4,).
         """
+        stamp_ns -= round(1e9 * self._registration.delay)
         if (
-            len(self._arm) < 2
+            body != self.name
+            or len(self._arm) < 2
             or not self._arm[0][0] <= stamp_ns <= self._arm[-1][0]
             or stamp_ns <= self.newest_ns
         ):
             return
+        places, turns = self._registration.poses(position[None], quaternion[None])
         later = min(bisect_right([one[0] for one in self._arm], stamp_ns), len(self._arm) - 1)
         (first_ns, *first), (second_ns, *second) = self._arm[later - 1], self._arm[later]
         share = (stamp_ns - first_ns) / (second_ns - first_ns)
         there = first[0] + share * (second[0] - first[0])
         # within one period of the arm a mean of rotations is one, to the second order
         turned = first[1] + share * (second[1] - first[1])
-        new = np.concatenate([position - there, turn(rotation, turned)])
+        new = np.concatenate([places[0] - there, turn(matrices(turns[0]), turned)])
         since = (stamp_ns - self.newest_ns) * 1e-9
         self._poses, self.newest_ns = self._poses + 1, stamp_ns
         # The mean of the first poses, until there are so many that the time constant asks for
@@ -120,14 +131,9 @@ class HandSeen:
             (slice(3, 6), LARGEST_TURN, FASTEST_TURN),
         )
         for part, largest, fastest in parts:
-            wanted = _at_most(self._seen[part], largest)
-            self._offset[part] += _at_most(wanted - self._offset[part], fastest * step)
+            wanted = at_most(self._seen[part], largest)
+            self._offset[part] += at_most(wanted - self._offset[part], fastest * step)
         return SeenOffset(self._offset[:3].copy(), self._offset[3:].copy())
-
-
-def _at_most(vector: np.ndarray, length: float) -> np.ndarray:
-    """A vector (3,), shortened to a length."""
-    return vector * min(1.0, length / max(float(np.linalg.norm(vector)), 1e-12))
 
 
 TAKES_OUT = 4.0

@@ -103,7 +103,7 @@ def _short(value: Any) -> str:
 
 
 VERSION = 1
-"""Of the files; it changes when older ones cannot be read as they are any more."""
+"""Version of the files; it changes when older ones cannot be read as they are any more."""
 Arrays = dict[str, np.ndarray]
 AnySaved = TypeVar("AnySaved", bound="SavableModel")
 

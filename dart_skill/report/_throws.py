@@ -46,7 +46,7 @@ class Throws:
 
     @property
     def command_stamps(self) -> np.ndarray:
-        """Of the controller's commands (n,) [ns]."""
+        """Stamps (n,) of the controller's commands [ns]."""
         return self.recording.command_stamps
 
     @property

@@ -16,20 +16,18 @@ from dart_skill.arm import (
     Grip,
     HandSeen,
     HandState,
-    SeenOffset,
     rotation_error,
 )
 from dart_skill.common.quaternions import from_vectors, matrices
-from dart_skill.simulation._teacher import Person, at_most, tremor
+from dart_skill.common.vectors import at_most
+from dart_skill.simulation._teacher import Person, tremor
 
 MOST_LEFT = np.repeat([0.02, 0.3], 3)
 """What is left of a distance to the path is taken out as if it were no larger [m], [rad]."""
-
-
 SLOW_HAND = (2500.0, 100.0)
-"""Stiffness and damping of a push that guides slowly and exactly [N/m, N s/m]. The simulated person knows the
-hand from the joints, on the motors' side of the cables: as firm as in a swing they would make arms
-of config/fleet.yaml swing by millimetres.
+"""Stiffness and damping of a push that guides slowly and exactly [N/m, N s/m]. The simulated person
+knows the hand from the joints, on the motors' side of the cables: as firm as in a swing they would
+make arms of config/fleet.yaml swing by millimetres.
 """
 SLOW_WRIST = (40.0, 0.6)
 """The same of a turn, with both hands [N m/rad, N m s/rad]."""
@@ -77,22 +75,28 @@ class Guiding:
     def forget(self) -> None:
         """Nothing is seen yet: the world was reset."""
         self._eyes = HandSeen(self._looks_at)
-        self._hand_off = SeenOffset(np.zeros(3), np.zeros(3))
 
     def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
         """A pose of a body (3,) [m], (4,), as the person sees it."""
-        if body and body == self._looks_at:
-            self._eyes.see(stamp_ns, position, matrices(quaternion))
+        self._eyes.see(body, stamp_ns, position, quaternion)
 
-    def look(self, state: ArmState) -> None:
-        """Compare what is seen with what the arm says; once for every state. `step` does so itself."""
-        if self._looks_at:
-            hand = self._model.hand_state(state.position, state.velocity)
-            place, turned = self._body_in_hand(hand)
-            shift, turn = self._eyes.offset(state.stamp_ns, place, turned)
-            lever = place - hand.position
-            swung = matrices(from_vectors(turn)) @ lever - lever
-            self._hand_off = SeenOffset(shift - swung, turn)
+    def look(self, state: ArmState) -> tuple[HandState, np.ndarray, np.ndarray]:
+        """Compare what is seen with what the arm says, once for every state; `step` does so itself.
+
+        Returns
+        -------
+        hand : HandState
+            By the arm.
+        position, rotation : (3,), (3, 3)
+            Of the hand, as it is seen.
+        """
+        hand = self._model.hand_state(state.position, state.velocity)
+        if not self._looks_at:
+            return hand, hand.position, hand.rotation
+        place, turned = self._body_in_hand(hand)
+        shift, turn = self._eyes.offset(state.stamp_ns, place, turned)
+        swing, lever = matrices(from_vectors(turn)), place - hand.position
+        return hand, place + shift - swing @ lever, swing @ hand.rotation
 
     def _body_in_hand(self, hand: HandState) -> tuple[np.ndarray, np.ndarray]:
         """Pose (3,), (3, 3) of the body that is looked at, by the arm. Default: it is the hand."""
@@ -107,16 +111,13 @@ class Guiding:
 
     def step(self, state: ArmState) -> Command:
         """The push that answers one state, and what the fingers are told."""
-        self.look(state)
+        hand, seen_at, seen_turned = self.look(state)
         time = self._time(state)
         position, rotation = self._wanted(time)
         ahead, ahead_rotation = self._wanted(time + self._step)
         velocity = (ahead - position) / self._step
         spin = rotation_error(ahead_rotation, rotation) / self._step
-        hand = self._model.hand_state(state.position, state.velocity)
-        shift, turn = self._hand_off
-        turned = matrices(from_vectors(turn)) @ hand.rotation
-        off = np.concatenate([position - hand.position - shift, rotation_error(rotation, turned)])
+        off = np.concatenate([position - seen_at, rotation_error(rotation, seen_turned)])
         self._left = np.clip(self._left + self._follows * self._step * off, -MOST_LEFT, MOST_LEFT)
         (k, d), (kr, dr) = self._firm_hand, self._firm_wrist
         self._tremble = tremor(self._tremble, self.person, self._rng, self._step)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from dart_skill.arm import ArmState, Command, Grip
 from dart_skill.common.checks import check_unit_quaternions
+from dart_skill.common.vectors import at_most
 from dart_skill.simulation._guiding import SLOW_WRIST, Guiding
 from dart_skill.simulation._teacher import Person
 
@@ -173,13 +174,13 @@ class PulledHand(Guiding):
         from scipy.spatial.transform import Rotation
 
         p, dt = self.pulling, self._step
-        self._velocity = _no_longer(
+        self._velocity = at_most(
             self._velocity
             + dt * p.quick * (p.quick * (self._pointer - self._place) - 2.0 * self._velocity),
             p.fastest,
         )
         self._place = self._place + dt * self._velocity
-        self._spin = _no_longer(
+        self._spin = at_most(
             0.5 * p.quick * (self._pointer_turned * self._turned.inv()).as_rotvec(), p.fastest_turn
         )
         self._turned = Rotation.from_rotvec(dt * self._spin) * self._turned
@@ -198,8 +199,3 @@ class PulledHand(Guiding):
         told = self._grip
         self._grip = Grip.UNSPECIFIED
         return told
-
-
-def _no_longer(vector: np.ndarray, most: float) -> np.ndarray:
-    """A vector (3,), shortened where it is longer."""
-    return vector * min(1.0, most / max(float(np.linalg.norm(vector)), 1e-12))

@@ -27,6 +27,7 @@ from dart_skill.arm import (
 )
 from dart_skill.common.constants import N_JOINTS
 from dart_skill.common.surface import BASKETS, RIMS, Game
+from dart_skill.common.vectors import at_most
 
 NO_MOMENT = np.zeros(3)
 """Moment of a trembling hand [N m]."""
@@ -472,9 +473,3 @@ def _posture(azimuth: float, swing: tuple | np.ndarray) -> np.ndarray:
     q = np.zeros(N_JOINTS)
     q[0], q[list(SWING_JOINTS)] = azimuth, swing
     return q
-
-
-def at_most(vector: np.ndarray, limit: float) -> np.ndarray:
-    """A vector (n,), shortened where it is longer than a limit."""
-    length = math.sqrt(vector @ vector)
-    return vector if length <= limit else vector * (limit / length)

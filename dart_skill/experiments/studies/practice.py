@@ -39,8 +39,8 @@ DEFAULTS: dict[str, Any] = {
     "arm": "ideal",
     "configuration": "default",
 }
-"""Of a task: method of practice, one of PRACTICE_METHODS; how many throws are shown and practised; change
-of the plant, one of CHANGES, after so many throws; numbers of practised throws after each of which
+"""Options of a task: method of practice, one of PRACTICE_METHODS; how many throws are shown and
+practised; change of the plant, one of CHANGES, after so many throws; numbers of practised throws after each of which
 there is a test, and throws of it; throws of one plan for each basket of the last test, whose
 scatter is what no better plan can take away; arm of config/fleet.yaml, or fleet: the one that the
 seed draws; configuration of the skill.

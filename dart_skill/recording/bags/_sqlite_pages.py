@@ -90,7 +90,7 @@ class Pages:
                     return told
 
         def size_of_leaves(size: int) -> float:
-            """Of the first pages, if pages are of a size; the usual one is preferred."""
+            """How well the first pages fit a size of pages; the usual one is preferred."""
             begins = range(size, min(len(self._data), 2**22), size)
             pages = (self._data[begin : begin + size] for begin in begins)
             count = sum(_pointers(page, 0) is not None for page in pages)

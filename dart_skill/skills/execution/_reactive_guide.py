@@ -23,7 +23,6 @@ from dart_skill.arm import (
     paced,
     shifted,
 )
-from dart_skill.common.quaternions import matrices
 from dart_skill.movement import (
     AutonomousDSGMR,
     Reaction,
@@ -126,7 +125,8 @@ class ReactiveGuide:
             np.append(stiffness, 3 * [turn]),
             np.append(damping, 3 * [float(critical_damping(turn))]),
         )
-        self._registration, self._look_at = registration or Registration(), HandSeen(hand)
+        self._registration = registration or Registration()
+        self._hand_seen = HandSeen(hand, self._registration)
         self._farthest = self._s.catch_up * damping / stiffness
         self._then, self._ended, self._pace = 0.0, 0.0, 1.0
 
@@ -137,11 +137,9 @@ class ReactiveGuide:
 
     def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
         """A pose of a body; one that the motion does not depend on is left out."""
-        stamp_ns -= round(1e9 * self._registration.delay)
-        if body == self._look_at.name:
-            place, turned = self._registration.poses(position[None], quaternion[None])
-            self._look_at.see(stamp_ns, place[0], matrices(turned[0]))
+        self._hand_seen.see(body, stamp_ns, position, quaternion)
         if body in self._bodies:
+            stamp_ns -= round(1e9 * self._registration.delay)
             self._bodies[body].see(stamp_ns, *self._registration.of_body(position, quaternion))
 
     def missing(self, stamp_ns: int) -> str:
@@ -162,7 +160,7 @@ class ReactiveGuide:
         self._then = time
         if missing := self.missing(stamp_ns):
             return self._still(hand, missing)
-        seen = self._look_at.offset(stamp_ns, hand.position, hand.rotation)
+        seen = self._hand_seen.offset(stamp_ns, hand.position, hand.rotation)
         frames = self._frames({name: body.at(stamp_ns) for name, body in self._bodies.items()})
         before, reaction = (
             self.phase,

@@ -130,7 +130,7 @@ class LearnedSkill:
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """Of the demonstrations."""
+        """Names of the demonstrations."""
         return tuple(one.id for one in self.demonstrations)
 
     @property

@@ -133,7 +133,7 @@ class ThrowModel:
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """Of the demonstrations."""
+        """Names of the demonstrations."""
         return tuple(throw.id for throw in self.throws)
 
     @property

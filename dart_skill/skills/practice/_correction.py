@@ -26,6 +26,7 @@ import numpy as np
 
 from dart_skill.arm import MotionPlan
 from dart_skill.common.surface import BASKETS, RIMS, Game, Surface
+from dart_skill.common.vectors import at_most
 from dart_skill.skills.learning import landing_if_late
 
 USUAL_SCATTER = 0.01
@@ -317,8 +318,7 @@ class Correction:
             mean = self._mean(self._kernel(self._surface.coordinates(point)[None], self._places))[
                 0
             ]
-            move = self._surface.offset(mean, point)
-            move *= min(1.0, self.settings.farthest / max(float(np.linalg.norm(move)), 1e-12))
+            move = at_most(self._surface.offset(mean, point), self.settings.farthest)
             point = target - move
         return point
 

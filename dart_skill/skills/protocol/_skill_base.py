@@ -156,6 +156,13 @@ class SkillBase:
         return part_of(cast(Any, self), "representation").drive == "state"
 
     @property
+    def watched(self) -> bool:
+        """Whether its motions are corrected by what the cameras see on the way: all but those that
+        are as fast as a throw.
+        """
+        return self.speed == Speed.CAREFUL
+
+    @property
     def moves(self) -> str:
         """Role of what the movement moves, without which it is not seen what comes of it: the first
         body, or the hand where there is none.

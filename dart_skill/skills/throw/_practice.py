@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -48,16 +47,6 @@ class ThrowPractice(Practice):
             )
         return ""
 
-    def __init__(
-        self,
-        skill: Skill,
-        demonstrations: Sequence[Demonstration],
-        memory: PracticeSettings | None = None,
-        tried: Sequence[Demonstration] = (),
-    ):
-        super().__init__(skill, demonstrations, memory, tried)
-        self.left_out = self.practising.practice.kept_out
-
     def _learned(self) -> Any:
         settings, skill = self.skill.settings, self.skill
         assert isinstance(settings, ThrowSettings)
@@ -71,6 +60,7 @@ class ThrowPractice(Practice):
             tried=self._tried,
             of=skill,
         )
+        self.left_out = self.practising.practice.kept_out
 
     @property
     def model(self) -> ThrowingSkill:

@@ -22,7 +22,6 @@ from dart_skill.arm import (
     CommanderSettings,
     Mode,
     PlanRefused,
-    Speed,
     load_registration,
     wam_description,
 )
@@ -61,8 +60,8 @@ class CommanderNode(GuardedNode):
         self._fault = self._rivals = ""  # the latter: for which the arm was stopped
         self._freezes, self._arm_fault = FreezeDetector(), ""  # the latter: of its safety module
         self._command = self.create_publisher(WamCommand, COMMANDS, COMPLETE)
-        careful, frame_id = self._skill.speed == Speed.CAREFUL, self.p["frame_id"]
-        self._seen = SeenInStep(self, name_of, frame_id, self._answer) if careful else None
+        watched, frame_id = self._skill.watched, self.p["frame_id"]
+        self._seen = SeenInStep(self, name_of, frame_id, self._answer) if watched else None
         self._states = hear_joint_states(self, self._on_state, raw=True)
         self._arm = ArmWatch(self, self._states, pose_topic(name_of[self._skill.moves]))
         self.execution = Execution(

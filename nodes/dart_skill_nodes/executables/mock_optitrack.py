@@ -14,7 +14,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.lifecycle import TransitionCallbackReturn
 from rosgraph_msgs.msg import Clock
 
-from dart_skill.arm import Speed, Transform
+from dart_skill.arm import Transform
 from dart_skill.common.checks import as_place
 from dart_skill.common.configuration import node_parameters
 from dart_skill.recording import HAND
@@ -60,7 +60,7 @@ class MockOptitrack(GuardedLifecycleNode):
             self.declare_parameter(name, default)
         self.p = declare(self, "mock_optitrack")
         skill = skill_of(self)
-        self._tells_deliveries = skill.speed == Speed.CAREFUL
+        self._tells_deliveries = skill.watched
         self._name_of = declare_bodies(self, (HAND, *skill.bodies))
         self._bodies = [
             role for role in self._name_of if not skill.in_the_open or role in self.p["bodies"]

@@ -415,3 +415,12 @@ def test_stamps_of_cameras_that_are_late_by_the_registration_are_put_right():
             guide.see("hand", round(1e9 * (then + 0.05)), place, UPRIGHT)
     assert now.reference.position[1] < -0.004
     assert now.reference.position[0] == pytest.approx(SPEED * 0.99, abs=1e-9)
+
+
+def test_the_way_back_ends_where_the_plan_begins():
+    """A hand that is held from the beginning, until its search is over and its motion given up."""
+    guide, times = CarefulGuide(careful(), 0.05, felt=0.02), []
+    for k in range(1600):
+        now = guide.look(STEP * k, hand_at(0.0), 0)
+        times.append(now.time)
+    assert now.fault and min(times) == 0.0 and now.carries

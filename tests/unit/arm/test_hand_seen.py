@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from dart_skill.arm import ARM_MEMORY, FILTER_TIME, HandSeen, RestTakenOut
 
 NS = 1_000_000_000
+UNTURNED = np.array([0.0, 0.0, 0.0, 1.0])
 OFF = np.array([0.004, -0.003, 0.006])
 
 
@@ -22,9 +23,10 @@ def looked(until, off=lambda time: OFF, late=0.02, noise=0.0, speed=0.5):
         then = time - late
         if k % 5 == 0 and then >= 0.0:
             seen.see(
+                "hand",
                 round(then * NS),
                 np.array([speed * then, 0.0, 0.0]) + off(then) + noise * rng.standard_normal(3),
-                np.eye(3),
+                UNTURNED,
             )
     return np.array(beside)
 
@@ -51,11 +53,11 @@ def test_what_changes_is_followed_with_the_time_constant():
 
 def test_a_pose_of_before_the_arm_was_heard_or_of_long_ago_says_nothing():
     seen = HandSeen("hand")
-    seen.see(NS, OFF, np.eye(3))
+    seen.see("hand", NS, OFF, UNTURNED)
     for k in range(100):
         seen.offset(NS + k * 2_000_000, np.zeros(3), np.eye(3))
     for stamp in (NS - 1, NS + round(0.19 * NS) - round(ARM_MEMORY * NS) - 3_000_000, 2 * NS):
-        seen.see(stamp, OFF, np.eye(3))
+        seen.see("hand", stamp, OFF, UNTURNED)
     assert not seen.offset(NS + 200_000_000, np.zeros(3), np.eye(3)).shift.any()
 
 
@@ -63,8 +65,8 @@ def test_a_pose_that_comes_again_changes_nothing():
     seen = HandSeen("hand")
     for k in range(20):
         seen.offset(k * 2_000_000, np.zeros(3), np.eye(3))
-    seen.see(20_000_000, OFF, np.eye(3))
-    seen.see(20_000_000, 9.0 * OFF, np.eye(3))
+    seen.see("hand", 20_000_000, OFF, UNTURNED)
+    seen.see("hand", 20_000_000, 9.0 * OFF, UNTURNED)
     looked = [seen.offset(k * 2_000_000, np.zeros(3), np.eye(3)).shift for k in range(20, 120)]
     assert looked[-1] == pytest.approx(OFF)
 
@@ -74,7 +76,8 @@ def turned(seen, rotvec, states=300):
     for k in range(states):
         said = seen.offset(k * 2_000_000, np.zeros(3), np.eye(3))
         if k > 10 and k % 5 == 0:
-            seen.see(k * 2_000_000, np.zeros(3), Rotation.from_rotvec(rotvec).as_matrix())
+            turn = Rotation.from_rotvec(rotvec).as_quat()
+            seen.see("hand", k * 2_000_000, np.zeros(3), turn)
     return said
 
 
@@ -118,3 +121,11 @@ def test_a_hand_that_something_holds_is_not_pulled_harder_and_harder():
     for k in range(5000, 10000):
         said = np.concatenate(rest.at(0.002 * k, np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.0])))
     assert said[0] == pytest.approx(0.015)
+
+
+def test_poses_of_other_bodies_say_nothing():
+    seen = HandSeen("hand")
+    for k in range(20):
+        seen.offset(k * 2_000_000, np.zeros(3), np.eye(3))
+    seen.see("cup", 20_000_000, OFF, UNTURNED)
+    assert not seen.newest_ns
