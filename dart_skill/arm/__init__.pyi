@@ -18,6 +18,7 @@ from dart_skill.arm._description import with_box as with_box
 from dart_skill.arm._effort_bridge import BridgePhase as BridgePhase
 from dart_skill.arm._effort_bridge import BridgeSettings as BridgeSettings
 from dart_skill.arm._effort_bridge import EffortBridge as EffortBridge
+from dart_skill.arm._guide import AS_SHOWN as AS_SHOWN
 from dart_skill.arm._guide import CarefulGuide as CarefulGuide
 from dart_skill.arm._guide import Fingers as Fingers
 from dart_skill.arm._guide import Guidance as Guidance
@@ -34,6 +35,7 @@ from dart_skill.arm._hand_eye import similarity as similarity
 from dart_skill.arm._hand_eye import turn_angles as turn_angles
 from dart_skill.arm._hand_seen import ARM_MEMORY as ARM_MEMORY
 from dart_skill.arm._hand_seen import FILTER_TIME as FILTER_TIME
+from dart_skill.arm._hand_seen import LARGEST_REST as LARGEST_REST
 from dart_skill.arm._hand_seen import TAKES_OUT as TAKES_OUT
 from dart_skill.arm._hand_seen import HandSeen as HandSeen
 from dart_skill.arm._hand_seen import RestTakenOut as RestTakenOut

@@ -8,6 +8,7 @@ the arm at their own stamps: late cameras do not lag behind an arm that moves.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections import deque
 from typing import NamedTuple
@@ -26,6 +27,8 @@ stiffness of config/fleet.yaml and cameras that are up to 20 ms late, 0.36 with 
 """
 ARM_MEMORY = 0.1
 """Poses are compared with the arm of so long ago at most [s]."""
+WAITING = 10
+"""Poses that wait for the arm at most: stamps of cameras that are late may be newer than its own."""
 LOST = 0.1
 """A body that was not seen for longer is not seen now [s]: cameras are late by up to 20 ms, and lose
 single frames.
@@ -62,19 +65,28 @@ class HandSeen:
     registration
         Of the cameras that see it, and of the tracked body on the hand; default: they agree with
         the arm.
+    largest
+        Of the shift and of the turn that are told at most [m], [rad].
     """
 
-    def __init__(self, name: str, registration: Registration | None = None):
+    def __init__(
+        self,
+        name: str,
+        registration: Registration | None = None,
+        largest: tuple[float, float] = (LARGEST_SHIFT, LARGEST_TURN),
+    ):
         self.name, self._registration = name, registration or Registration()
+        self._largest = largest
         self.newest_ns = 0
         """Stamp of the newest pose that counted [ns]; 0 before any."""
         self._arm: deque[tuple[int, np.ndarray, np.ndarray]] = deque()
+        self._waiting: deque[tuple[int, np.ndarray, np.ndarray]] = deque(maxlen=WAITING)
         self._seen, self._poses = np.zeros(6), 0
         self._offset, self._told_ns = np.zeros(6), 0
 
     def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
         """A pose from the cameras; left out if it is of another body, or the arm was not heard
-        around that instant.
+        around that instant. One whose stamp is newer than the arm's waits for the arm.
 
         Parameters
         ----------
@@ -83,14 +95,19 @@ class HandSeen:
         stamp_ns, position, quaternion
             In the world of the cameras [ns], (3,) [m], (4,).
         """
-        stamp_ns -= round(1e9 * self._registration.delay)
-        if (
-            body != self.name
-            or len(self._arm) < 2
-            or not self._arm[0][0] <= stamp_ns <= self._arm[-1][0]
-            or stamp_ns <= self.newest_ns
-        ):
-            return
+        if body == self.name:
+            stamp_ns -= round(1e9 * self._registration.delay)
+            self._waiting.append((stamp_ns, position, quaternion))
+            self._compare()
+
+    def _compare(self) -> None:
+        """Compare the poses that have come with the arm, as far as it was heard."""
+        while self._waiting and self._arm and self._waiting[0][0] <= self._arm[-1][0]:
+            stamp_ns, position, quaternion = self._waiting.popleft()
+            if len(self._arm) > 1 and max(self._arm[0][0], self.newest_ns + 1) <= stamp_ns:
+                self._compare_one(stamp_ns, position, quaternion)
+
+    def _compare_one(self, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
         places, turns = self._registration.poses(position[None], quaternion[None])
         later = min(bisect_right([one[0] for one in self._arm], stamp_ns), len(self._arm) - 1)
         (first_ns, *first), (second_ns, *second) = self._arm[later - 1], self._arm[later]
@@ -122,13 +139,14 @@ class HandSeen:
             Of the body by the arm (3,) [m] and (3, 3).
         """
         self._arm.append((stamp_ns, position, rotation))
+        self._compare()
         while (stamp_ns - self._arm[0][0]) * 1e-9 > ARM_MEMORY:
             self._arm.popleft()
         step = min((stamp_ns - self._told_ns) * 1e-9, ARM_MEMORY)
         self._told_ns = stamp_ns
         parts = (
-            (slice(0, 3), LARGEST_SHIFT, FASTEST_SHIFT),
-            (slice(3, 6), LARGEST_TURN, FASTEST_TURN),
+            (slice(0, 3), self._largest[0], FASTEST_SHIFT),
+            (slice(3, 6), self._largest[1], FASTEST_TURN),
         )
         for part, largest, fastest in parts:
             wanted = at_most(self._seen[part], largest)
@@ -140,10 +158,10 @@ TAKES_OUT = 4.0
 """Rate at which what is left of the distance to the plan is taken out [1/s]: modulus margin 0.55,
 together with `FILTER_TIME`, where 0.67 are left without.
 """
-LARGEST_REST = np.repeat([0.015, 0.05], 3)
-"""What is left is taken out as if it were no larger, along each axis [m], [rad]. Where more is
-left, something holds the hand.
-"""
+LARGEST_REST = 0.015
+"""Of what is left, so much is taken out at most [m]."""
+LARGEST_REST_TURN = 0.05
+"""The same of the turn [rad]."""
 
 
 class RestTakenOut:
@@ -154,7 +172,7 @@ class RestTakenOut:
     def __init__(self) -> None:
         self._sum, self._then = np.zeros(6), 0.0
 
-    def at(self, time: float, left: np.ndarray) -> SeenOffset:
+    def at(self, time: float, left: np.ndarray, most: float = LARGEST_REST) -> SeenOffset:
         """How much farther than wanted to aim, as an offset of the hand.
 
         Parameters
@@ -163,9 +181,15 @@ class RestTakenOut:
             Since the motion began [s].
         left
             Where the hand is, from where it shall be: shift and turn (6,) [m], [rad].
+        most
+            Where more is left, something holds the hand [m], which is aimed less far then.
         """
         step = time - self._then
         self._then = time
-        if (np.abs(left) < LARGEST_REST).all():
-            self._sum = np.clip(self._sum + TAKES_OUT * step * left, -LARGEST_REST, LARGEST_REST)
-        return SeenOffset(self._sum[:3], self._sum[3:])
+        parts = (slice(0, 3), LARGEST_REST), (slice(3, 6), LARGEST_REST_TURN)
+        if math.hypot(*left[:3]) >= most or math.hypot(*left[3:]) >= LARGEST_REST_TURN:
+            self._sum *= max(1.0 - TAKES_OUT * step, 0.0)
+        else:
+            for part, largest in parts:
+                self._sum[part] = at_most(self._sum[part] + TAKES_OUT * step * left[part], largest)
+        return SeenOffset(self._sum[:3].copy(), self._sum[3:].copy())

@@ -74,7 +74,8 @@ class Guiding:
 
     def forget(self) -> None:
         """Nothing is seen yet: the world was reset."""
-        self._eyes = HandSeen(self._looks_at)
+        # a person needs no cameras that agree with the arm
+        self._eyes = HandSeen(self._looks_at, largest=(np.inf, np.inf))
 
     def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
         """A pose of a body (3,) [m], (4,), as the person sees it."""

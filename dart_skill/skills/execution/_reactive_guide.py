@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.arm import (
+    AS_SHOWN,
+    LARGEST_REST,
     Fingers,
     Grip,
     GripEvent,
@@ -18,9 +20,11 @@ from dart_skill.arm import (
     PoseGains,
     Reference,
     Registration,
+    RestTakenOut,
     SeenOffset,
     Speed,
     paced,
+    rotation_error,
     shifted,
 )
 from dart_skill.movement import (
@@ -35,6 +39,10 @@ from dart_skill.skills.execution._moving_body import BodyMotion, MovingBody
 Frames = Callable[[Mapping[str, BodyMotion]], Sequence[StateFrame]]
 """From the motions of the bodies now, by name, to the task frames of the features [t, x, y, z]."""
 
+STUCK = 0.005
+"""A hand that waits, and is no farther from where it shall be, is held by friction [m]; what is left
+is taken out. One that is farther is held by somebody.
+"""
 PACING = 0.1
 """Time constant with which the expected speed follows the rate of the phase [s]: that follows late
 speeds of cables that give.
@@ -126,7 +134,7 @@ class ReactiveGuide:
             np.append(damping, 3 * [float(critical_damping(turn))]),
         )
         self._registration = registration or Registration()
-        self._hand_seen = HandSeen(hand, self._registration)
+        self._hand_seen, self._rest = HandSeen(hand, self._registration), RestTakenOut()
         self._farthest = self._s.catch_up * damping / stiffness
         self._then, self._ended, self._pace = 0.0, 0.0, 1.0
 
@@ -171,15 +179,21 @@ class ReactiveGuide:
             self._policy.phase = self._fingers.held(before, self.phase, reaction.rate, step)
         self._ended += step if self._policy.is_over else 0.0
         grip, carries = self._fingers.at(self.phase)
+        wanted = self._reference(reaction, hand, seen)
+        left = hand.position - wanted.position
+        turned = rotation_error(hand.rotation, wanted.rotation)
+        most = STUCK if self._pace < AS_SHOWN else LARGEST_REST
+        rest = self._rest.at(time, np.concatenate([left, turned]), most)
         return Guidance(
             time=self.phase,
-            reference=self._reference(reaction, hand, seen),
+            reference=shifted(wanted, rest),
             gains=self._gains,
             grip=grip,
             carries=carries,
             off=0.0,
             over=self._ended > self._s.follow_on,
             fault=self._fingers.fault,
+            touches=bool(np.linalg.norm(left) >= most),
         )
 
     def _reference(self, reaction: Reaction, hand: HandState, seen: SeenOffset) -> Reference:

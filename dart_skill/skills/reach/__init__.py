@@ -103,13 +103,18 @@ class Reach(Skill):
             If the hand does not move.
         """
         d, s = demonstration, self.settings
-        fast = np.flatnonzero(self._speeds(d.hand_time, d.hand_position) > s.start_speed)
-        if not len(fast):
+        speeds = self._speeds(d.hand_time, d.hand_position)
+        fastest = int(np.argmax(speeds))
+        if speeds[fastest] <= s.start_speed:
             raise ValueError(
                 f"the hand is never faster than {s.start_speed} m/s: is it the recording of a"
                 " reach?"
             )
-        return float(d.hand_time[fast[0]]), self._rests_at(d, self._from_cup(d))
+        # A hand that was only taken, and sank a little, has not begun.
+        rests = np.flatnonzero(speeds[:fastest] < s.stop_speed)
+        rested = int(rests[-1]) if len(rests) else 0
+        begins = rested + int(np.argmax(speeds[rested:] > s.start_speed))
+        return float(d.hand_time[begins]), self._rests_at(d, self._from_cup(d))
 
     def draw(self, rng: np.random.Generator, wide: bool = False) -> Situation:
         """A cup on a belt that the arm reaches; the numbers are those of the simulated world

@@ -36,6 +36,22 @@ def test_poses_that_come_late_are_compared_with_the_arm_of_then(late):
     assert looked(0.5, late=late)[-1] == pytest.approx(OFF, abs=1e-9)
 
 
+def test_poses_that_are_stamped_late_wait_for_the_arm():
+    """Stamps of receipt, of cameras whose poses come sooner than the arm's next state."""
+    assert looked(0.5, late=-0.006)[-1] == pytest.approx(OFF, abs=1e-9)
+
+
+def test_poses_of_another_time_are_not_kept():
+    seen = HandSeen("hand")
+    for k in range(200):
+        seen.offset(k * 2_000_000, np.zeros(3), np.eye(3))
+        seen.see("hand", NS * 1000 + k * 2_000_000, 9.0 * OFF, UNTURNED)
+    for k in range(200, 400):
+        seen.see("hand", k * 2_000_000, OFF, UNTURNED)
+        said = seen.offset(k * 2_000_000, np.zeros(3), np.eye(3))
+    assert said.shift == pytest.approx(OFF)
+
+
 def test_the_first_pose_counts_fully_and_later_ones_are_averaged():
     beside = looked(4.0, noise=1e-3)
     assert not beside[:10].any() and np.linalg.norm(beside[100] - OFF) < 5e-3
@@ -92,6 +108,10 @@ def test_the_correction_is_limited_in_size_and_rate():
     assert steps.max() == pytest.approx(0.05 * 0.002) and beside[-1] == pytest.approx([0.03, 0, 0])
     said = turned(HandSeen("hand"), np.array([0.0, 0.0, 1.0]), states=1000)
     assert said.turn == pytest.approx([0.0, 0.0, 0.1])
+    eyes = HandSeen("hand", largest=(np.inf, np.inf))
+    assert turned(eyes, np.array([0.0, 0.0, 0.3]), states=1000).turn == pytest.approx(
+        [0.0, 0.0, 0.3]
+    )
 
 
 def test_a_body_that_was_seen_and_is_not_any_more_is_lost_and_its_offset_stays():

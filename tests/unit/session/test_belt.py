@@ -252,6 +252,12 @@ def test_the_cut_is_from_the_first_movement_to_the_rest_in_the_cup():
     assert start == pytest.approx(1.0, abs=0.05) and stop == pytest.approx(3.0, abs=0.05)
 
 
+def test_a_hand_that_sinks_when_it_is_taken_has_not_begun_to_reach():
+    taken = [(0.0, -0.2, 0.1, 0.21), (0.2, -0.2, 0.1, 0.21), (0.3, -0.2, 0.1, 0.2)]
+    start, _ = Reach().cut(seen(taken + into(0.0)[1:], way=(0.0, 0.0, 0.0)))
+    assert start == pytest.approx(1.0, abs=0.05)
+
+
 # the experiment
 
 

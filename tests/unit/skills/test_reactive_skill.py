@@ -194,6 +194,31 @@ def test_held_it_waits_and_afterwards_it_catches_up_no_faster_than_it_may(learne
     assert np.linalg.norm(velocity, axis=1).max() < fastest + SETTINGS.catch_up
 
 
+def test_who_holds_the_hand_is_not_pulled_harder_and_harder(learned):
+    time, hand, _, told = carry_out(
+        learned.policy.guide(), Truck(np.random.default_rng(10)), held=(0.8, 1.8)
+    )
+    held = np.flatnonzero((time > 1.0) & (time < 1.8))
+    assert all(told[k].touches for k in held) and not any(told[k].touches for k in range(100))
+    most = SETTINGS.catch_up * 2.0 / np.sqrt(SETTINGS.stiffness)
+    assert max(np.linalg.norm(told[k].reference.position - hand[k]) for k in held) < most + 0.005
+
+
+def test_a_hand_that_friction_holds_is_pulled_until_it_moves(learned):
+    """A hand that stands still, a few millimetres from where the movement begins."""
+    guide, truck = learned.policy.guide(), Truck(np.random.default_rng(10))
+    begin = learned.start.position + [0.0, 0.004, 0.0]
+    still = HandState(begin, np.eye(3), np.zeros(6))
+    for k in range(-60, 2000):
+        stamp = 10 * NS + round(k * STEP * NS)
+        guide.see("truck", stamp, truck.at(k * STEP), TURN.as_quat())
+        if k >= 0:
+            now = guide.look(k * STEP, still, stamp)
+            if np.linalg.norm(now.reference.position - begin) > 0.012:
+                return
+    raise AssertionError("it was left to friction")
+
+
 @pytest.mark.slow
 def test_without_that_limit_it_hurries_when_it_is_let_go(demonstrations, learned):
     eager = LearnedSkill(Follow(replace(SETTINGS, catch_up=100.0)), demonstrations)
