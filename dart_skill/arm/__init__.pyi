@@ -69,6 +69,8 @@ from dart_skill.arm._registration_fit import RegistrationFit as RegistrationFit
 from dart_skill.arm._registration_fit import Sightings as Sightings
 from dart_skill.arm._registration_fit import fit_registration as fit_registration
 from dart_skill.arm._registration_fit import measure_registration as measure_registration
+from dart_skill.arm._rehearsal import rehearse as rehearse
+from dart_skill.arm._rehearsal import still_plan as still_plan
 from dart_skill.arm._safety import SafetyLimits as SafetyLimits
 from dart_skill.arm._safety import SafetyModule as SafetyModule
 from dart_skill.arm._safety import check_push as check_push

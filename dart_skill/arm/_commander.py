@@ -51,6 +51,12 @@ FELT = {"joints": 0.02, "hand": 0.005, "none": 0.02}
 (`CommanderSettings.tracking`): it presses with some 3 N where soft joints follow, and with 20 N by
 the law alone.
 """
+COUNTS = 0.02
+"""Of a gap between two states no more counts as time of a careful motion [s]: it waits on its way."""
+LONGEST_WAIT = 0.4
+"""A longer gap ends it [s]."""
+WAITED = 0.3
+"""A joint that was moved farther meanwhile is another arm's, or the world was reset [rad]."""
 LONGEST_STOP = 2.0
 """An arm that still creeps after so long, because gravity is compensated badly, is held where it
 is [s].
@@ -244,6 +250,13 @@ class Commander:
                 "the arm is released, and a person may hold it: hold it first (~/release_arm with"
                 " false)"
             )
+
+    @property
+    def _is_careful(self) -> bool:
+        """Whether a motion is under way that may wait on its way."""
+        if self.mode == Mode.EXECUTING:
+            return self._guide.speed == Speed.CAREFUL
+        return self.mode in (Mode.MOVING, Mode.APPROACHING, Mode.SETTLING)
 
     @property
     def moving(self) -> bool:
@@ -461,13 +474,18 @@ class Commander:
     def _compare_with_last(self, state: ArmState) -> None:
         """What the time and the way since the last state tell.
 
-        A state that the arm cannot have come to is refused. After a gap in the states, as when the
-        world was reset, it may be anywhere: it is held where it is found; a free arm stays free.
+        A state that the arm cannot have come to is refused. A careful motion waits during a short
+        gap in the states. After a long one, as when the world was reset, the arm may be anywhere:
+        it is held where it is found; a free arm stays free.
         """
         if self._last is not None:
             gap = (state.stamp_ns - self._last.stamp_ns) * 1e-9
-            if 0.0 <= gap <= self.settings.longest_gap:
-                refuse_jump(state.position - self._last.position, gap, self._description)
+            way = state.position - self._last.position
+            waits = self._is_careful and COUNTS < gap <= LONGEST_WAIT
+            if waits and np.abs(way).max() < WAITED and self._entered_ns is not None:
+                self._entered_ns += round(1e9 * (gap - COUNTS))
+            elif 0.0 <= gap <= self.settings.longest_gap:
+                refuse_jump(way, gap, self._description)
             else:
                 if self.mode in UNDER_WAY:
                     self.message = f"{_gone_by(gap)} during a {self.what}"

@@ -214,11 +214,17 @@ class BenchSession(_SkillSession):
         self._deliver()
         return self._log.situation_at(self._log.bodies[HAND].stamps[-1])
 
-    def execute(self, plan: MotionPlan) -> SkillTrial:
-        """Carry out a plan for the situation that was seen last."""
+    def execute(self, plan: MotionPlan, sees: Sees | None = None) -> SkillTrial:
+        """Carry out a plan for the situation that was seen last.
+
+        Parameters
+        ----------
+        sees
+            Whom the poses of the cameras reach, default the commander.
+        """
         self._watch_anew()
         self.commander.execute(plan)
-        self._sees = self.commander
+        self._sees = sees or self.commander
         try:
             self._run(
                 plan.what,

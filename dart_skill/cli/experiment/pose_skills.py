@@ -22,6 +22,13 @@ def add_place(experiments: argparse._SubParsersAction) -> None:
         metavar="N",
         help="own tries before them, from which the skill learns (default 0)",
     )
+    parser.add_argument(
+        "--unseen",
+        type=float,
+        default=0.0,
+        metavar="SECONDS",
+        help="the cameras lose the hand for so long in the last 10 cm (default 0)",
+    )
     parser.set_defaults(run=_place)
 
 
@@ -36,6 +43,7 @@ def _place(options: argparse.Namespace) -> int:
         demonstrations=options.demonstrations,
         parts=options.parts,
         own=options.own,
+        unseen=options.unseen,
         arm=options.arm,
         representation=options.representation,
     )

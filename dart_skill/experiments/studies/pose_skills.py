@@ -17,7 +17,8 @@ from typing import TypeVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import Command, Mode, PlanRefused
+from dart_skill.arm import Command, Commander, Mode, PlanRefused
+from dart_skill.common.constants import HAND
 from dart_skill.common.situation import Pose
 from dart_skill.experiments.studies.throws import arm_of
 from dart_skill.movement import VelocityThreshold
@@ -32,6 +33,8 @@ from dart_skill.skills.reach import Reach
 
 ATTEMPTS = 3
 """Largest number of movements that a person shows for each that succeeds."""
+NEAR = 0.1
+"""Distance from the end of a plan at which cameras lose the hand [m]."""
 NAN = float("nan")
 """What was not measured."""
 
@@ -130,6 +133,7 @@ def place_seed(
     arm: str = "ideal",
     representation: str = "",
     own: int = 0,
+    unseen: float = 0.0,
 ) -> list[Placed]:
     """Show, learn, and place parts, with what one seed draws. An arm "fleet" is another one for
     every seed.
@@ -140,6 +144,8 @@ def place_seed(
         As in `configured`.
     own
         Tries before those that count, from which the skill learns.
+    unseen
+        The cameras lose the hand for so long, once it is so near to where it ends (`NEAR`) [s].
     """
     skill, rng = configured(Place, representation), np.random.default_rng([seed, 7])
     session = BenchSession(skill, seed, arm=arm_of(arm, seed))
@@ -147,7 +153,7 @@ def place_seed(
     placed = []
     for number in range(own + parts):
         holder = skill.draw(rng, wide=True).pose("holder")
-        one, outcome = _place_once(session, learned, holder, skill.settings.shown_at)
+        one, outcome = _place_once(session, learned, holder, skill.settings.shown_at, unseen)
         if number >= own:
             placed.append(one)
         elif outcome is not None:
@@ -156,14 +162,47 @@ def place_seed(
     return placed
 
 
+class LostHand:
+    """Cameras that lose the hand for a while, once it is near to where a plan ends.
+
+    Parameters
+    ----------
+    commander
+        Whom they tell what they see.
+    end
+        Where the plan ends (3,) [m].
+    unseen
+        How long the hand is lost [s].
+    """
+
+    def __init__(self, commander: Commander, end: np.ndarray, unseen: float):
+        self._commander, self._end, self._unseen = commander, end, unseen
+        self._lost_ns: int | None = None
+
+    def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """As of `Commander`."""
+        if body == HAND:
+            if self._lost_ns is None and np.linalg.norm(position - self._end) < NEAR:
+                self._lost_ns = stamp_ns
+            if self._lost_ns is not None and stamp_ns - self._lost_ns < 1e9 * self._unseen:
+                return
+        self._commander.see(body, stamp_ns, position, quaternion)
+
+
 def _place_once(
-    session: BenchSession, learned: LearnedSkill, holder: Pose, shown_at: Sequence[float]
+    session: BenchSession,
+    learned: LearnedSkill,
+    holder: Pose,
+    shown_at: Sequence[float],
+    unseen: float,
 ) -> tuple[Placed, TaskOutcome | None]:
     """One part, and what came of it; None without a plan."""
     away = float(np.hypot(*(holder.position[:2] - shown_at)))
     turn = float(Rotation.from_quat(holder.quaternion).as_rotvec()[2])
     try:
-        trial = session.execute(learned.plan(session.situation(holder)))
+        plan = learned.plan(session.situation(holder))
+        eyes = LostHand(session.commander, plan.path.position[-1], unseen)
+        trial = session.execute(plan, eyes)
     except (NoPlan, PlanRefused) as refusal:
         return Placed(session.seed, away, turn, False, NAN, str(refusal)), None
     outcome = trial.outcome

@@ -7,13 +7,24 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from dart_skill_msgs.action import Execute
+from dart_skill_msgs.msg import Plan as PlanMsg
 from dart_skill_msgs.msg import Situation
 from dart_skill_msgs.srv import Plan
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from rclpy.node import Node
 
-from dart_skill.arm import ArmState, Commander, Grip, Mode, MotionPlan
+from dart_skill.arm import (
+    ArmState,
+    Commander,
+    Grip,
+    Mode,
+    MotionPlan,
+    Reference,
+    WamDescription,
+    rehearse,
+    still_plan,
+)
 from dart_skill.common.quaternions import of_matrices
 from dart_skill.skills.execution import ReactiveGuide
 from dart_skill.skills.learning import Policy
@@ -22,7 +33,7 @@ from dart_skill.skills.protocol import Skill
 from dart_skill_nodes.arm.arm_watch import QUIET, ArmWatch
 from dart_skill_nodes.client.service_calls import RecorderCalls, ServiceCalls
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.coroutines import Promise, pause
+from dart_skill_nodes.comms.coroutines import Promise, in_thread, pause
 from dart_skill_nodes.comms.presence import Presence, servers, subscribers
 from dart_skill_nodes.comms.qos import FRAMES, NEWEST
 from dart_skill_nodes.comms.seen_in_step import SeenInStep
@@ -148,15 +159,31 @@ class Execution:
         )
         if not response.success:
             raise ValueError(response.message)
-        plan = result.plan = response.plan
-        self._path.publish(conversions.path_msg(plan))
-        if not plan.policy:
-            return conversions.motion_plan(plan)
-        policy = Policy.from_bytes(plan.policy.tobytes(), self._skill)
+        result.plan = response.plan
+        # the arm waits for answers meanwhile
+        path, plan = await in_thread(self._node, self._read, response.plan)
+        self._path.publish(path)
+        return plan
+
+    def _read(self, message: PlanMsg) -> tuple[Path, MotionPlan | ReactiveGuide]:
+        """The way of the hand in a plan, for viewers, and what carries it out."""
+        path = conversions.path_msg(message)
+        if not message.policy:
+            return path, conversions.motion_plan(message)
+        policy = Policy.from_bytes(message.policy.tobytes(), self._skill)
         registration = self._commander.agreed(
             policy.registration, policy.start.position, policy.start.quaternion
         )
-        return policy.guide(conversions.situation(plan.situation), registration)
+        return path, policy.guide(conversions.situation(message.situation), registration)
+
+    def rehearse(self, spare: Commander, description: WamDescription) -> None:
+        """Go through a motion once before there is an arm: what is loaded on the way would make
+        the first one late. spare: a commander that no arm listens to.
+        """
+        still = still_plan(description, self._skill.speed)
+        _, plan = self._read(conversions.plan_msg(still, self._p["frame_id"]))
+        rehearse(spare, plan)
+        self._attractor_msg(spare.reference, 0)
 
     async def _whole(self, situation: Situation, stamp_ns: int) -> Situation:
         """A situation with all bodies on which a plan depends: those of which a client says
@@ -297,11 +324,13 @@ class Execution:
     def _show_attractor(self, stamp_ns: int) -> None:
         """Where the hand is pulled to, while a motion is executed. stamp_ns: of the state [ns]."""
         reference = self._commander.reference
-        if self._commander.mode != Mode.EXECUTING or reference is None:
-            return
+        if self._commander.mode == Mode.EXECUTING and reference is not None:
+            self._attractor.publish(self._attractor_msg(reference, stamp_ns))
+
+    def _attractor_msg(self, reference: Reference, stamp_ns: int) -> PoseStamped:
         message = PoseStamped()
         message.header.frame_id = self._p["frame_id"]
         conversions.set_stamp(message.header.stamp, stamp_ns)
         orientation = of_matrices(reference.attractor_rotation[None])[0]
         conversions.set_pose(message.pose, reference.attractor_position, orientation)
-        self._attractor.publish(message)
+        return message

@@ -9,6 +9,7 @@ import heapq
 import time
 from collections.abc import Callable, Coroutine
 from itertools import count
+from threading import Thread
 from weakref import WeakKeyDictionary
 
 from rclpy.action import ActionServer
@@ -24,6 +25,8 @@ RESULT_KEPT = 60
 practises grow by 300 MB.
 """
 
+LOOKED_AFTER = 0.002
+"""Whether a thread has ended, it is looked so often [s, wall clock]."""
 NEVER = 1e8
 """Three years [s]."""
 
@@ -140,6 +143,27 @@ async def _kept_or_over(node: Node, promise: Promise, seconds: float) -> None:
 async def pause(node: Node, seconds: float) -> None:
     """Wait [s, wall clock]."""
     await within(node, Promise(), seconds)
+
+
+async def in_thread(node: Node, work: Callable, *arguments):
+    """Value of a function that computes for longer than the node's loop may stand still, or the
+    exception that it ends with.
+    """
+    value, error = [], []
+
+    def compute() -> None:
+        try:
+            value.append(work(*arguments))
+        except Exception as raised:  # whatever it is, who waits gets it
+            error.append(raised)
+
+    thread = Thread(target=compute, daemon=True)
+    thread.start()
+    while thread.is_alive():
+        await pause(node, LOOKED_AFTER)
+    if error:
+        raise error[0]
+    return value[0]
 
 
 async def answer(node: Node, client, request, limit: float, *needed: Presence):

@@ -54,7 +54,8 @@ class CommanderNode(GuardedNode):
         self._skill = skill_of(self)
         name_of = declare_bodies(self, (HAND, *self._skill.bodies))
         load = self._skill.loaded(wam_description())
-        self._commander = Commander(CommanderSettings.from_parameters(self.p), load, measured)
+        made = partial(Commander, CommanderSettings.from_parameters(self.p), load, measured)
+        self._commander = made()
         self._reader, self._written = StateReader(), b""
         self._writer = CommandWriter(new_sender(), self.p["frame_id"])
         self._fault = self._rivals = ""  # the latter: for which the arm was stopped
@@ -80,6 +81,8 @@ class CommanderNode(GuardedNode):
         )
         self._diagnostics = Diagnostics(self, self._describe)
         self.create_timer(LOOK, self._watch, clock=WALL)
+        self.execution.rehearse(made(), load)
+        self.get_logger().info("ready")
 
     # the control step
 

@@ -508,6 +508,27 @@ def test_after_a_gap_the_arm_is_held_where_it_is_found(plan, gap_ns, said):
     assert (commander.step(at(stamp + PERIOD, REST + 0.201)).joint_torque < 0).all()
 
 
+@pytest.mark.parametrize(("gap_ns", "ends"), [(390 * MS, False), (410 * MS, True)])
+def test_a_motion_to_a_posture_waits_during_a_short_gap(gap_ns, ends):
+    commander, stamp = Commander(), 0
+    seconds = commander.move_to(REST + 0.4, at(0))
+    for stamp in range(0, 300 * MS, PERIOD):
+        commander.step(at(stamp))
+    commander.step(at(stamp + gap_ns))
+    assert (commander.mode == Mode.HOLDING) == ends == ("no state of the arm" in commander.message)
+    if not ends:
+        assert commander.time == pytest.approx((stamp + 20 * MS) * 1e-9) and commander.time < seconds
+
+
+def test_an_arm_that_was_moved_far_during_a_gap_is_held_where_it_is_found():
+    commander, stamp = Commander(), 0
+    commander.move_to(REST + 0.4, at(0))
+    for stamp in range(0, 300 * MS, PERIOD):
+        commander.step(at(stamp))
+    commander.step(at(stamp + 390 * MS, REST + 0.31))
+    assert commander.mode == Mode.HOLDING and "no state of the arm" in commander.message
+
+
 @pytest.mark.parametrize("field", ["position", "velocity"])
 def test_a_state_that_is_not_finite_is_refused_and_changes_nothing(plan, field):
     commander, twin = Commander(), Commander()

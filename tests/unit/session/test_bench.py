@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dart_skill.arm import Command, Grip
+from dart_skill.arm import Command, Grip, Mode
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.experiments.studies.pose_skills import (
     Placed,
@@ -49,6 +49,47 @@ def test_parts_go_into_holders_that_stand_elsewhere(taught):
     assert all(trial.outcome.success and trial.outcome.error < 0.006 for trial in trials), [
         trial.outcome for trial in trials
     ]
+
+
+class Gap:
+    """A commander that hears no state from one instant to another [s]: the arm is braked."""
+
+    def __init__(self, session, begin, end):
+        self.session, self.commander, self.begin, self.end = session, session.commander, begin, end
+
+    def __getattr__(self, name):
+        return getattr(self.commander, name)
+
+    def step(self, state):
+        since = self.commander.time if self.commander.mode == Mode.EXECUTING else 0.0
+        if self.begin is not None and since >= self.begin:
+            self.end, self.begin = state.stamp_ns + round(1e9 * self.end), None
+        if self.begin is None and state.stamp_ns < self.end:
+            return self.session.plant.braking()
+        return self.commander.step(state)
+
+
+@pytest.mark.parametrize("gap", [0.15, 0.38])
+def test_a_short_gap_in_the_states_makes_a_careful_motion_wait(taught, gap):
+    session, learned, _, rng = taught
+    plan = learned.plan(session.situation(session.skill.draw(rng).pose("holder")))
+    commander, times = session.commander, []
+    for begin in (2.0, None):
+        session.commander = Gap(session, begin, gap if begin else 0)
+        try:
+            trial = session.execute(plan)
+        finally:
+            session.commander = commander
+        assert trial.outcome.success and not trial.message
+        times.append(np.ptp(trial.seen.hand_time))
+        if begin:
+            plan = learned.plan(session.situation(plan_holder(trial)))
+    assert times[0] - times[1] == pytest.approx(gap, abs=0.1)
+
+
+def plan_holder(trial):
+    track = trial.seen.track("holder")
+    return Pose(track.position[0], track.quaternion[0])
 
 
 def test_the_part_and_the_holder_on_the_bench_are_those_of_the_settings():
