@@ -48,8 +48,7 @@ JUMP_SPEED = 30.0
 """Speed with which a joint may have moved meanwhile [rad/s]."""
 FELT = {"joints": 0.02, "hand": 0.005, "none": 0.02}
 """Distance by which a hand that is held back stays behind its plan [m], by what keeps the arm on it
-(`CommanderSettings.tracking`): it presses with some 3 N where soft joints follow, and with 20 N by
-the law alone.
+(`CommanderSettings.tracking`): where soft joints follow it presses with up to 20 N then.
 """
 COUNTS = 0.02
 """Of a gap between two states no more counts as time of a careful motion [s]: it waits on its way."""

@@ -606,7 +606,7 @@ TYPED = {
     "dart-skill experiment reach --jobs 2 --demonstrations 3": OtherNumbers(
         "dart-skill experiment reach --jobs 2"
     ),
-    "dart-skill experiment reach --jobs 2 --arm fleet": Run(
+    "dart-skill experiment reach --jobs 2 --arm fleet --first-seed 2000 --seeds 40": Run(
         "--seeds 1 --cups 1 --demonstrations 3 --held 0", says=r"of 1 ", slow=True
     ),
     "dart-skill experiment real_data --data FOLDER --pbdlib ~/pbdlib-python": NETWORK,
@@ -667,6 +667,7 @@ TYPED = {
     "dart-skill experiment figure 8.4.4 --teachers 20": Elsewhere(
         "unit/experiments/test_thesis.py::test_the_same_seed_gives_the_same_bytes_and_the_units_are_on_the_axes"
     ),
+    "dart-skill experiment figure correction": Run(says="margin", leaves="figures/correction.svg"),
     "dart-skill experiment figure landscape": Elsewhere(
         "unit/experiments/test_thesis.py::test_more_gaussians_model_a_landscape_better_but_one_says_less_than_none"
     ),

@@ -43,6 +43,7 @@ FIGURES = {
     "8.9": ("ball_figures", "Local regression: chosen trajectories and the generated one"),
     "8.10": ("ball_figures", "Angles of the hand in the chosen demonstrations, as two frames see them"),
     "8.11": ("ball_figures", "Speed of the hand before and after synchronisation"),
+    "correction": ("correction", "What cameras correct of a careful motion: its step response and margins"),
     "landscape": ("chapter_6", "A landscape modelled by a mixture that is told all of it"),
     "regrets": ("dart_searches", "Regrets of all methods, thesis's schedule and the extended one"),
 }  # fmt: skip

@@ -517,7 +517,9 @@ def test_a_motion_to_a_posture_waits_during_a_short_gap(gap_ns, ends):
     commander.step(at(stamp + gap_ns))
     assert (commander.mode == Mode.HOLDING) == ends == ("no state of the arm" in commander.message)
     if not ends:
-        assert commander.time == pytest.approx((stamp + 20 * MS) * 1e-9) and commander.time < seconds
+        assert (
+            commander.time == pytest.approx((stamp + 20 * MS) * 1e-9) and commander.time < seconds
+        )
 
 
 def test_an_arm_that_was_moved_far_during_a_gap_is_held_where_it_is_found():

@@ -14,20 +14,27 @@ from dart_skill.arm import (
     wam_description,
 )
 from dart_skill.common.configuration import load_yaml
+from dart_skill.experiments.thesis.correction import (
+    DAMPING_RATIO,
+    LEAST_FRICTION,
+    LINKS,
+    OMEGA,
+    PERIOD,
+    SPEED_FILTER,
+    all_joints,
+    margin,
+    step_left,
+    step_of,
+)
 from tests.unit.arm.test_commander import begin, finish  # noqa: F401
 
 REFLECTED = np.diag(wam_description().motors.reflected_inertia)
 STIFFNESS = np.array(load_yaml("fleet.yaml")["fleet"]["wam_simulator"]["joint_stiffness"]["times"])
-LINKS = np.array(
-    [[0.3, 3.5], [1.5, 4.0], [0.1, 1.0], [0.3, 0.9], [0.01, 0.08], [0.03, 0.08], [0.003, 0.01]]
-)
-"""Smallest and largest inertia of the link side that a joint has in throws [kg m^2]."""
-LEAST_FRICTION = 0.7 * np.array([1.5, 0.9, 0.5, 0.25, 0.016, 0.1, 0.0027])
-PERIOD, FILTER = 0.002, 180.0
-DAMPING_RATIO = 0.05
-"""Damping of a cable of the simulated transmission, in parts of the critical one."""
 REAL = dict(
-    joint_stiffness=tuple(STIFFNESS), speed_filter=FILTER, encoder_step=9.6e-6, command_delay=1
+    joint_stiffness=tuple(STIFFNESS),
+    speed_filter=SPEED_FILTER,
+    encoder_step=9.6e-6,
+    command_delay=1,
 )
 SLOW = dict(tracking="joints", friction_compensation=1.0)
 
@@ -40,7 +47,7 @@ def loop(joint, link, stiffness, stiffness_gain, damping_gain, delay):
     motor = REFLECTED[joint]
     spring = stiffness + 2.0 * DAMPING_RATIO * np.sqrt(stiffness * motor) * s
     both = (motor * s**2 + LEAST_FRICTION[joint] * s + spring) * (link * s**2 + spring) - spring**2
-    servo = stiffness_gain + damping_gain * s * FILTER / (s + FILTER)
+    servo = stiffness_gain + damping_gain * s * SPEED_FILTER / (s + SPEED_FILTER)
     return (link * s**2 + spring) / both * servo * np.exp(-s * (delay + 0.5) * PERIOD)
 
 
@@ -121,7 +128,7 @@ def test_what_takes_out_the_rest_costs_the_loop_little_of_its_margin(joint, shar
     for link in LINKS[joint]:
         stiffness, damping = gains.stiffness[joint], gains.damping[joint]
         plain = loop(joint, link, share * STIFFNESS[joint], stiffness, damping, delay)
-        servo = stiffness + damping * s * FILTER / (s + FILTER)
+        servo = stiffness + damping * s * SPEED_FILTER / (s + SPEED_FILTER)
         for rate in np.linspace(0.0, JointServo.TAKES_OUT, 6):
             assert np.abs(1.0 + plain * (servo + stiffness * rate / s) / servo).min() > 0.2
 
@@ -153,46 +160,22 @@ def test_the_rest_of_a_distance_is_taken_out_up_to_a_share_of_the_limits():
 
 # the loop that is closed by what is seen
 
-GIVES = 1300.0, 100.0
-"""Stiffness [1/s^2] and damping [1/s] of attractor and second pull together: how a shift of what is
-wanted becomes motion of the model.
-"""
-
-
-def seen_loop(joint, link, stiffness, takes_out, filter_time, latency, delay=1):
-    """Frequency response (n,) from where the hand is aimed at to by how much it is corrected: the
-    joints follow a model of the arm whose torques are fed forward; cameras see the link.
-    """
-    s = 1j * np.logspace(-1, 2.7, 3000)
-    motor, late = REFLECTED[joint], np.exp(-s * (delay + 0.5) * PERIOD)
-    spring = stiffness + 2.0 * DAMPING_RATIO * np.sqrt(stiffness * motor) * s
-    gains, friction = JointServo.FOLLOWING, LEAST_FRICTION[joint] * s
-    servo = (gains.stiffness[joint] + gains.damping[joint] * s * FILTER / (s + FILTER)) * late
-    seen = spring / (link * s**2 + spring)  # of the link, by what the motor does
-    fed = (motor + link) * s**2 * late + friction
-    follows = (servo + fed) / (motor * s**2 + friction + spring * (1.0 - seen) + servo)
-    model = GIVES[0] / (s**2 + GIVES[1] * s + GIVES[0])
-    frame = 0.005  # half a frame of 100 Hz
-    eyes = np.exp(-s * (latency + frame)) / (filter_time * s + 1.0)
-    known = follows * (1.0 + (seen - 1.0) * eyes)
-    return model * (takes_out / s * known + (seen - 1.0) * follows * eyes)
-
-
-def margin(takes_out, filter_time):
-    """Least modulus margin over joints, loads, cables and cameras that are up to 20 ms late."""
-    return min(
-        np.abs(
-            1.0 + seen_loop(joint, link, share * STIFFNESS[joint], takes_out, filter_time, late)
-        ).min()
-        for joint in range(7)
-        for link in LINKS[joint]
-        for share in (0.5, 1.0, 2.0)
-        for late in (0.0, 0.006, 0.012, 0.02)
-    )
-
 
 def test_the_loop_that_cameras_close_has_the_margins_that_its_constants_say():
     """Cables give to what the correction asks of them: a faster filter would make arms swing."""
     assert margin(0.0, FILTER_TIME) == pytest.approx(0.67, abs=0.01)
     assert margin(TAKES_OUT, FILTER_TIME) == pytest.approx(0.55, abs=0.01)
     assert margin(0.0, 0.5 * FILTER_TIME) == pytest.approx(0.36, abs=0.01)
+
+
+def test_what_cameras_see_of_an_error_of_the_joints_dies_away():
+    left = step_left(all_joints(), TAKES_OUT, FILTER_TIME, np.array([0.01, 0.2, 0.8, 3.0]))
+    assert np.abs(left[:, 0] - 1.0).max() < 0.02 and left[:, 1].max() < 0.4
+    assert np.abs(left[:, 2]).max() < 0.05 and np.abs(left[:, 3]).max() < 0.01
+
+
+def test_the_response_to_a_step_is_the_integral_of_that_to_an_impulse():
+    """s / (s + 5): exp(-5 t)."""
+    times = np.array([0.05, 0.2, 1.0])
+    (left,) = step_of((1j * OMEGA / (1j * OMEGA + 5.0))[None], times)
+    assert left == pytest.approx(np.exp(-5.0 * times), abs=5e-3)
