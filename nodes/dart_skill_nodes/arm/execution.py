@@ -3,6 +3,7 @@ of that.
 """
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,6 +21,7 @@ from dart_skill.arm import (
     Grip,
     Mode,
     MotionPlan,
+    PlanRefused,
     Reference,
     WamDescription,
     rehearse,
@@ -182,8 +184,11 @@ class Execution:
         """
         still = still_plan(description, self._skill.speed)
         _, plan = self._read(conversions.plan_msg(still, self._p["frame_id"]))
-        rehearse(spare, plan)
-        self._attractor_msg(spare.reference, 0)
+        # limits may forbid it; then the arm's first motion loads what is missing
+        with suppress(PlanRefused):
+            rehearse(spare, plan)
+        if spare.reference is not None:
+            self._attractor_msg(spare.reference, 0)
 
     async def _whole(self, situation: Situation, stamp_ns: int) -> Situation:
         """A situation with all bodies on which a plan depends: those of which a client says

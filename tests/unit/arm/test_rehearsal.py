@@ -1,5 +1,7 @@
 """A motion on an arm that is not there."""
 
+from dataclasses import replace
+
 import pytest
 
 from dart_skill.arm import (
@@ -23,3 +25,11 @@ def test_a_rehearsal_goes_through_a_whole_motion(speed, tracking):
         Mode.APPROACHING, Mode.SETTLING, Mode.EXECUTING, Mode.HOLDING
     ]  # fmt: skip
     assert not commander.message and commander.reference is not None
+
+
+def test_a_limit_that_forbids_the_rehearsal_ends_it():
+    settings = CommanderSettings.configured()
+    low = replace(settings.limits, workspace_high=(1.2, 1.2, 0.5))
+    commander = Commander(replace(settings, limits=low))
+    rehearse(commander, still_plan(wam_description()))
+    assert "stopped" in commander.stopped_by and commander.reference is None
