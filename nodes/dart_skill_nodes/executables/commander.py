@@ -82,7 +82,6 @@ class CommanderNode(GuardedNode):
         self._diagnostics = Diagnostics(self, self._describe)
         self.create_timer(LOOK, self._watch, clock=WALL)
         self.execution.rehearse(made(), load)
-        self.get_logger().info("ready")
 
     # the control step
 
@@ -241,9 +240,15 @@ class CommanderNode(GuardedNode):
         return level, text, {**values, "newest_state_ns": self._newest_ns}
 
 
+def _started() -> list[CommanderNode]:
+    node = CommanderNode()
+    node.get_logger().info("ready")  # the first line of a logger takes 0.2 s: before any motion
+    return [node]
+
+
 def main(args: list[str] | None = None) -> None:
     """Entry point of `ros2 run dart_skill commander`."""
-    run(lambda: [CommanderNode()], args)
+    run(_started, args)
 
 
 if __name__ == "__main__":
