@@ -594,6 +594,9 @@ TYPED = {
     "dart-skill experiment place --jobs 2 --arm fleet --first-seed 2000 --seeds 40": Run(
         "--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts", slow=True
     ),
+    "dart-skill experiment place --jobs 2 --arm fleet --first-seed 2000 --seeds 6 --unseen 0.3": Run(
+        "--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts", slow=True
+    ),
     "dart-skill experiment reach --jobs 2": Run(
         "--seeds 1 --cups 1 --demonstrations 3 --held 1", says="the phase goes on by", slow=True
     ),
