@@ -51,7 +51,7 @@ FELT = {"joints": 0.02, "hand": 0.005, "none": 0.02}
 (`CommanderSettings.tracking`): where soft joints follow it presses with up to 20 N then.
 """
 COUNTS = 0.02
-"""Of a gap between two states no more counts as time of a careful motion [s]: it waits on its way."""
+"""No more of a gap between two states counts as time of a careful motion [s]: it waits on its way."""
 LONGEST_WAIT = 0.4
 """A longer gap ends it [s]."""
 WAITED = 0.3
@@ -252,10 +252,10 @@ class Commander:
 
     @property
     def _is_careful(self) -> bool:
-        """Whether a motion is under way that may wait on its way."""
-        if self.mode == Mode.EXECUTING:
-            return self._guide.speed == Speed.CAREFUL
-        return self.mode in (Mode.MOVING, Mode.APPROACHING, Mode.SETTLING)
+        """Whether what the arm does now is slower than a throw."""
+        return self.mode in CAREFUL or (
+            self.mode is Mode.EXECUTING and self._guide.speed == Speed.CAREFUL
+        )
 
     @property
     def moving(self) -> bool:
@@ -376,12 +376,8 @@ class Commander:
         """The answer to a state, with the level of speed that the mode needs."""
         if wrench is None:
             wrench = np.zeros(6)
-        careful = self.mode in CAREFUL or (
-            self.mode is Mode.EXECUTING and self._guide.speed == Speed.CAREFUL
-        )
-        return Command(
-            state.stamp_ns, wrench, torque, grip, Speed.CAREFUL if careful else Speed.THROW
-        )
+        speed = Speed.CAREFUL if self._is_careful else Speed.THROW
+        return Command(state.stamp_ns, wrench, torque, grip, speed)
 
     # one method per mode
 
@@ -480,8 +476,9 @@ class Commander:
         if self._last is not None:
             gap = (state.stamp_ns - self._last.stamp_ns) * 1e-9
             way = state.position - self._last.position
-            waits = self._is_careful and COUNTS < gap <= LONGEST_WAIT
-            if waits and np.abs(way).max() < WAITED and self._entered_ns is not None:
+            moves = self._is_careful and self.mode is not Mode.HOLDING
+            waits = moves and COUNTS < gap <= LONGEST_WAIT and np.abs(way).max() < WAITED
+            if waits and self._entered_ns is not None:
                 self._entered_ns += round(1e9 * (gap - COUNTS))
             elif 0.0 <= gap <= self.settings.longest_gap:
                 refuse_jump(way, gap, self._description)

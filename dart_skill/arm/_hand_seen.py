@@ -159,7 +159,7 @@ TAKES_OUT = 4.0
 together with `FILTER_TIME`, where 0.67 are left without.
 """
 LARGEST_REST = 0.015
-"""Of what is left, so much is taken out at most [m]."""
+"""So much of what is left is taken out at most [m]."""
 LARGEST_REST_TURN = 0.05
 """The same of the turn [rad]."""
 

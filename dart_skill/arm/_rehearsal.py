@@ -15,11 +15,11 @@ from dart_skill.common.constants import N_JOINTS
 from dart_skill.common.quaternions import of_matrices
 
 DURATION = 0.1
-"""Of the motion [s]."""
+"""Length of the motion [s]."""
 STEP_NS = 10_000_000
 """Time between two states [ns]."""
 MOST_STATES = 500
-"""A rehearsal that takes longer does not end."""
+"""After so many states a rehearsal is over, whatever the commander does."""
 
 
 def still_plan(description: WamDescription, speed: Speed = Speed.CAREFUL) -> MotionPlan:

@@ -24,7 +24,7 @@ LINKS = np.array(
 LEAST_FRICTION = 0.7 * np.array([1.5, 0.9, 0.5, 0.25, 0.016, 0.1, 0.0027])
 """Viscous part of the friction of each joint [N m s/rad]."""
 PERIOD = 0.002
-"""Of the states of the arm [s]."""
+"""Time between two states of the arm [s]."""
 SPEED_FILTER = 180.0
 """Corner of the low-pass of measured speeds [rad/s]."""
 DAMPING_RATIO = 0.05

@@ -522,6 +522,13 @@ def test_a_motion_to_a_posture_waits_during_a_short_gap(gap_ns, ends):
         )
 
 
+def test_an_arm_that_is_held_is_held_where_it_is_found_after_a_short_gap():
+    commander = Commander()
+    commander.step(at(0))
+    asked = commander.step(at(200 * MS, REST + 0.05)).joint_torque
+    assert commander.mode == Mode.HOLDING and not asked.any()
+
+
 def test_an_arm_that_was_moved_far_during_a_gap_is_held_where_it_is_found():
     commander, stamp = Commander(), 0
     commander.move_to(REST + 0.4, at(0))

@@ -9,6 +9,7 @@ import pytest
 from dart_skill.arm import Command, Grip, Mode
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.experiments.studies.pose_skills import (
+    LostHand,
     Placed,
     place_seed,
     place_table,
@@ -85,6 +86,24 @@ def test_a_short_gap_in_the_states_makes_a_careful_motion_wait(taught, gap):
         if begin:
             plan = learned.plan(session.situation(plan_holder(trial)))
     assert times[0] - times[1] == pytest.approx(gap, abs=0.1)
+
+
+def test_cameras_lose_the_hand_near_the_end_of_a_plan_and_find_it_again():
+    heard = []
+
+    class Commander:
+        def see(self, body, stamp_ns, position, quaternion):
+            heard.append((body, stamp_ns))
+
+    eyes = LostHand(Commander(), np.array([0.5, 0.0, 1.0]), 0.3)
+    for stamp in range(0, 1_500_000_000, 10_000_000):
+        away = 0.5 - 0.5e-9 * stamp
+        for body in ("hand", "part"):
+            eyes.see(body, stamp, np.array([0.5 - away, 0.0, 1.0]), np.array([0.0, 0.0, 0.0, 1.0]))
+    stamps = {body: [ns for one, ns in heard if one == body] for body in ("hand", "part")}
+    lost = sorted(set(stamps["part"]) - set(stamps["hand"]))
+    assert len(stamps["part"]) == 150 and len(lost) == 30
+    assert lost[0] == pytest.approx(0.8e9, abs=1.1e7) and np.ptp(lost) == 290_000_000
 
 
 def plan_holder(trial):

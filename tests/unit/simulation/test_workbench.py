@@ -231,3 +231,16 @@ def test_a_part_that_is_seen_turned_about_the_hand_does_not_move_the_hand(bench)
         if k > 5:
             carrier.see("part", now.stamp_ns, *seen)
     assert np.linalg.norm(push.wrench[:3]) < 1.0 and np.linalg.norm(push.wrench[3:]) > 0.5
+
+
+def test_a_person_believes_their_eyes_however_far_the_arm_is_from_what_they_see(bench):
+    """Nobody registered a person's eyes: 6 cm are no fault of theirs."""
+    plant, off = bench(), np.array([0.06, 0.0, 0.0])
+    carrier, part, state = Carrier(0), plant.bodies["part"], plant.arm_state
+    carrier.begin(state, part, part)
+    for k in range(1000):
+        now = ArmState(state.stamp_ns + k * 2_000_000, state.position, np.zeros(7))
+        hand, seen_at, _ = carrier.look(now)
+        if k > 5:
+            carrier.see("part", now.stamp_ns, part[0] + off, part[1])
+    assert seen_at - hand.position == pytest.approx(off, abs=1e-6)
