@@ -155,6 +155,9 @@ class DartsRun:
         One Dart for each throw.
     leg
         That was played after them, None without one.
+    allowed
+        The score that the arm's scatter allows, before and after them [points]; () if that was
+        not measured.
     """
 
     seed: int
@@ -163,6 +166,7 @@ class DartsRun:
     shown: tuple[tuple[float, float], ...]
     darts: tuple[Dart, ...]
     leg: LegSummary | None = None
+    allowed: tuple[float, ...] = ()
 
     def blocks(self, block: int = BLOCK) -> list[dict[str, Any]]:
         """One row per block of throws: standard deviation and mean of the misses across and up
@@ -208,7 +212,7 @@ class DartsRun:
             ],
         }
         if seed:
-            return {"seed": self.seed, **told}
+            return {"seed": self.seed, **told, "allowed": _plain(self.allowed)}
         return {**told, "leg": None if self.leg is None else self.leg.to_json()}
 
 

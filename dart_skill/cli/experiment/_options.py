@@ -72,6 +72,15 @@ def add_arms(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_arm(parser: argparse.ArgumentParser) -> None:
+    """Add `--arm`, the arm of every seed, or fleet."""
+    parser.add_argument(
+        "--arm",
+        default="ideal",
+        help="of config/fleet.yaml; fleet: another one for every seed (default ideal)",
+    )
+
+
 def add_pose_skill(parser: argparse.ArgumentParser, tried: str, one: str) -> None:
     """Add the options of an experiment with a skill of poses.
 
@@ -92,11 +101,7 @@ def add_pose_skill(parser: argparse.ArgumentParser, tried: str, one: str) -> Non
         "--demonstrations", type=int, default=8, help="that are learned from (default 8)"
     )
     parser.add_argument(f"--{tried}", type=positive, default=10, help="for each seed (default 10)")
-    parser.add_argument(
-        "--arm",
-        default="ideal",
-        help="of config/fleet.yaml; fleet: another one for every seed (default ideal)",
-    )
+    add_arm(parser)
     parser.add_argument(
         "--representation",
         choices=REPRESENTATIONS,

@@ -7,7 +7,7 @@ from __future__ import annotations
 import argparse
 import json
 
-from dart_skill.cli.experiment._options import add_batch, add_json
+from dart_skill.cli.experiment._options import add_arm, add_batch, add_json
 from dart_skill.cli.run_options import add_configuration, folder
 from dart_skill.common.constants import BULL_DISTANCE, BULL_HEIGHT
 
@@ -30,8 +30,12 @@ def add_darts(experiments: argparse._SubParsersAction) -> None:
         "--seeds",
         type=int,
         metavar="N",
-        help="seeds 0 to N - 1 instead, as a table with a line for each",
+        help="so many seeds instead, as a table with a line for each",
     )
+    parser.add_argument(
+        "--first-seed", type=int, default=0, metavar="N", help="the first of them (default 0)"
+    )
+    add_arm(parser)
     parser.add_argument(
         "--jobs", type=int, default=1, help="processes at a time for several seeds (default 1)"
     )
@@ -48,6 +52,13 @@ def add_darts(experiments: argparse._SubParsersAction) -> None:
     )
     bull = f"of the bull [m] (default {DEFAULT_BOARD}: regulation)"
     parser.add_argument("--board", default=DEFAULT_BOARD, metavar="DISTANCE,HEIGHT", help=bull)
+    parser.add_argument(
+        "--again",
+        type=int,
+        default=0,
+        metavar="N",
+        help="darts of one plan, before and after: what their scatter allows (default 0)",
+    )
     add_configuration(parser, "default")
     parser.add_argument(
         "--output", type=folder, metavar="FOLDER", help="write the figure there, as SVG and PNG"
@@ -72,7 +83,12 @@ def _arm_darts(options: argparse.Namespace) -> int:
             (options.seed, options.throws, options.demonstrations, options.practice),
         )
         run = arm_darts.run(
-            *of_the_run, board, each=lambda n, dart: progress.update(), name=options.configuration
+            *of_the_run,
+            board,
+            each=lambda n, dart: progress.update(),
+            name=options.configuration,
+            arm=options.arm,
+            again=options.again,
         )
     paths = (
         [] if options.output is None else save(arm_darts_figure(run), options.output, "arm_darts")
@@ -95,12 +111,14 @@ def _over_seeds(options: argparse.Namespace) -> int:
         )
     runs = all_of(
         arm_darts.run_seed,
-        range(options.seeds),
+        range(options.first_seed, options.first_seed + options.seeds),
         options.jobs,
         throws=options.throws,
         demonstrations=options.demonstrations,
         practice=options.practice,
         name=options.configuration,
+        arm=options.arm,
+        again=options.again,
     )
     print(
         json.dumps([one.to_json() for one in runs], indent=1)

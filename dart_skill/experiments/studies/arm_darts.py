@@ -2,6 +2,7 @@
 most, and practises.
 
     dart-skill experiment darts --seed 0 --throws 300 --output figures
+    dart-skill experiment darts --arm fleet --first-seed 2000 --seeds 40 --throws 100 --again 30
 
 The two halves of the thesis in one loop: how to throw (chapters 7 and 8) and where to aim (chapter
 6). Everything that the loop learns from, the score included, is what the cameras saw of the darts.
@@ -11,17 +12,17 @@ The two halves of the thesis in one loop: how to throw (chapters 7 and 8) and wh
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from dart_skill.common.configuration import node_parameters
 from dart_skill.common.situation import Situation
 from dart_skill.common.surface import BOARD_DIAMETER
+from dart_skill.darts import best_aim, estimate_from_points
+from dart_skill.experiments.studies.throws import arm_of
 from dart_skill.recording import Demonstration
 from dart_skill.session import BLOCK, Dart, DartsRun, Session, own_dart
-from dart_skill.simulation import Board, PlantSettings, Swing
+from dart_skill.simulation import Board, Swing
 from dart_skill.skills.darts import Darts
 from dart_skill.skills.practice import PractisingSkill
 
@@ -29,21 +30,17 @@ PRACTICE = {"none": ("none", False), "misses": ("residual", False), "both": ("re
 """What is practised: nothing; what repeats in the misses; that, and when to let go."""
 
 
-def darts_session(seed: int, board: Board | None = None, **plant: Any) -> Session:
+def darts_session(seed: int, board: Board | None = None, arm: str = "ideal") -> Session:
     """A session with a board instead of baskets.
 
     Parameters
     ----------
-    plant
-        Settings of the plant that differ from the configured ones.
+    arm
+        Of config/fleet.yaml; "fleet": the one that the seed draws.
     """
-    settings = PlantSettings.from_parameters(
-        node_parameters("wam_simulator.yaml", "wam_simulator")
-    )
     board = board or Board()
-    cocked = Darts.at_board(board.position).cocked
-    assert cocked is not None
-    return Session(seed, replace(settings, board=board, **plant), swing=Swing(cocked))
+    swing = Swing(Darts.at_board(board.position).cocked)
+    return Session.on_arm(arm_of(arm, seed), seed, board=board, swing=swing)
 
 
 def teach(
@@ -75,6 +72,8 @@ def run(
     board: Board | None = None,
     each: Callable[[int, Dart], object] = lambda n, dart: None,
     name: str = "",
+    arm: str = "ideal",
+    again: int = 0,
 ) -> DartsRun:
     """One arm from its first lesson on.
 
@@ -94,6 +93,11 @@ def run(
         Function that is called after each throw with its number, from 0, and its Dart.
     name
         Of the skill's configuration, default "": the default one.
+    arm
+        As in `darts_session`.
+    again
+        Int, default 0. Darts of one plan for the bull, before the own throws and after them, from
+        which nothing is learned: what their scatter allows (`allowed_score`) is told.
 
     Raises
     ------
@@ -106,8 +110,10 @@ def run(
         raise ValueError(
             f"{throws} throws after {demonstrations} demonstrations: give at least 1 and 2"
         )
+    if again and again < FEWEST_AGAIN:
+        raise ValueError(f"again is {again}: give 0, or at least {FEWEST_AGAIN} darts")
     board = board or Board()
-    game, session = Darts.at_board(board.position), darts_session(seed, board)
+    game, session = Darts.at_board(board.position), darts_session(seed, board, arm)
     try:
         situations = game.draws(np.random.default_rng([seed, 7]), demonstrations)
         shown, misses = teach(session, game, situations)
@@ -120,13 +126,45 @@ def run(
             steady_every=game.steady_every if steadies else 0,
         )
         agent, darts = game.agent(), []
+        allowed = [allowed_score(session, skill, game, again)] if again else []
         for n in range(throws):
             darts.append(own_dart(session, skill, game, agent)[0])
             each(n, darts[-1])
+        allowed += [allowed_score(session, skill, game, again)] if again else []
     finally:
         session.close()
     taught = tuple((float(x), float(y)) for x, y in misses)
-    return DartsRun(seed, practice, board.position, taught, tuple(darts))
+    return DartsRun(seed, practice, board.position, taught, tuple(darts), allowed=tuple(allowed))
+
+
+FEWEST_AGAIN = 5
+"""Least number of darts of one plan: a covariance and a mean have five numbers."""
+
+
+def allowed_score(session: Session, skill: PractisingSkill, game: Darts, darts: int) -> float:
+    """The most that a dart of this arm can score on average, where its plans have no error: the
+    best aim of a Gaussian thrower (6.1) who scatters as the darts of one plan do about their mean.
+
+    Parameters
+    ----------
+    darts
+        How many are thrown at the bull with one plan.
+
+    Returns
+    -------
+    float
+        [points]; nan where the plan is refused, or too few darts were seen.
+    """
+    try:
+        plan = skill.plan(game.target(game.aimed(np.zeros(2))))
+        seen = [session.throw(plan).outcome for _ in range(darts)]
+    except ValueError:
+        return float("nan")
+    hits = np.array([game.face.on_board(one.landing) for one in seen if one.landing_seen])
+    if len(hits) < FEWEST_AGAIN:
+        return float("nan")
+    spread = estimate_from_points(hits, np.zeros(2), model="general", bias=True).spread
+    return best_aim(spread).expected_score
 
 
 def run_seed(seed: int, **options: Any) -> list[DartsRun]:
@@ -145,9 +183,10 @@ def table_of_seeds(runs: Sequence[DartsRun]) -> str:
     """
     lines = [
         f"{BLOCK} darts in a block",
-        f"{'seed':>6}{'score, first':>15}{'score, last':>14}{'off, last [mm]':>17}{'on the board':>15}",
+        f"{'seed':>6}{'score, first':>15}{'score, last':>14}{'off, last [mm]':>17}{'on the board':>15}"
+        + (f"{'allowed':>15}" if runs[0].allowed else ""),
     ]
-    rows = []
+    rows, boarded = [], 0
     for one in runs:
         first, last = one.darts[:BLOCK], one.darts[-BLOCK:]
         off = np.linalg.norm([np.subtract(dart.hit, dart.aim) for dart in last], axis=1)
@@ -155,9 +194,23 @@ def table_of_seeds(runs: Sequence[DartsRun]) -> str:
         rows.append([*means, np.nanmedian(off)])
         # what was not seen is nan, and not on it
         on = sum(np.hypot(*dart.hit) <= 500.0 * BOARD_DIAMETER for dart in one.darts)
+        boarded += on
         share = f"{on} of {len(one.darts)}"
-        lines.append(f"{one.seed:>6}{_columns(rows[-1])}{share:>15}")
-    return "\n".join([*lines, f"{'median':>6}{_columns(np.median(rows, axis=0))}"])
+        lines.append(f"{one.seed:>6}{_columns(rows[-1])}{share:>15}{_allowed(one.allowed)}")
+    darts = sum(len(one.darts) for one in runs)
+    for name, middle in (("median", np.median), ("mean", np.mean)):
+        lines.append(f"{name:>6}{_columns(middle(rows, axis=0))}")
+    lines[-1] += f"{f'{boarded} of {darts}':>15}"
+    if runs[0].allowed:
+        lines[-1] += _allowed(tuple(np.nanmean([one.allowed for one in runs], axis=0)))
+        lines.append(
+            "allowed: the score with the best aim for the scatter of one plan, first and last"
+        )
+    return "\n".join(lines)
+
+
+def _allowed(scores: Sequence[float]) -> str:
+    return f"{' '.join(f'{score:.1f}' for score in scores):>15}" if scores else ""
 
 
 def _columns(row: Sequence[float]) -> str:

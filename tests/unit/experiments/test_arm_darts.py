@@ -3,6 +3,7 @@ and what practice makes of it.
 """
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +13,14 @@ from dart_skill.arm import Command, Grip
 from dart_skill.cli import main
 from dart_skill.common.flight import DART, TENNIS_BALL, crossing, flight, landing
 from dart_skill.common.surface import BASKETS, BOARD_DIAMETER, RIMS, BoardFace, game_at
-from dart_skill.darts import as_target, score
-from dart_skill.experiments.studies.arm_darts import darts_session, run, teach
+from dart_skill.darts import as_target, best_aim, score
+from dart_skill.experiments.studies.arm_darts import (
+    allowed_score,
+    darts_session,
+    run,
+    table_of_seeds,
+    teach,
+)
 from dart_skill.figures import arm_darts_figure, running, svg_text
 from dart_skill.session import Dart, DartsRun
 from dart_skill.simulation import Board, Teacher
@@ -569,11 +576,43 @@ def test_several_seeds_are_a_line_each(faked, capsys, monkeypatch):
         "0",
         "1",
         "median",
+        "mean",
     ] and f"{on} of {len(faked.darts)}" in lines[2]
     scores = [dart.score for dart in faked.darts]
     assert [float(word) for word in lines[2].split()[1:3]] == pytest.approx(
         [np.mean(scores[:25]), np.mean(scores[-25:])], abs=0.06
     )
+
+
+def test_what_the_scatter_of_one_plan_allows_is_the_score_at_the_best_aim_for_it():
+    """A bias of the plan does not count: practice may take it away."""
+    hits = np.random.default_rng(0).normal([40.0, -25.0], [12.0, 20.0], (400, 2))
+    unseen = SimpleNamespace(landing=np.full(3, np.nan), landing_seen=False)
+    seen = [SimpleNamespace(landing=in_world(FACE, hit), landing_seen=True) for hit in hits]
+    thrown = iter([unseen, *seen])
+    session = SimpleNamespace(throw=lambda plan: SimpleNamespace(outcome=next(thrown)))
+    skill = SimpleNamespace(plan=lambda target: target)
+    allowed = allowed_score(session, skill, DARTS, 401)
+    assert allowed == pytest.approx(best_aim(np.diag([144.0, 400.0])).expected_score, abs=0.5)
+
+
+def test_an_arm_that_has_no_plan_has_no_score_that_is_allowed(faked):
+    def refuse(target):
+        raise Unreachable("too high")
+
+    assert np.isnan(allowed_score(None, SimpleNamespace(plan=refuse), DARTS, 30))
+    lines = table_of_seeds([replace(faked, allowed=(20.0, 25.0))] * 2).splitlines()
+    assert "allowed" in lines[1] and lines[2].split()[-2:] == ["20.0", "25.0"]
+    assert lines[-2].split()[-2:] == ["20.0", "25.0"]
+
+
+@pytest.mark.slow
+def test_an_arm_of_the_fleet_throws_darts_and_knows_what_its_scatter_allows():
+    """The scatter is larger than that of the ideal arm."""
+    short = run(seed=3000, throws=3, demonstrations=3, arm="fleet", again=8)
+    assert len(short.allowed) == 2 and all(5.0 < score < 40.0 for score in short.allowed)
+    with pytest.raises(ValueError, match="again is 2: give 0, or at least 5 darts"):
+        run(seed=3000, throws=3, demonstrations=3, again=2)
 
 
 @pytest.mark.parametrize(
