@@ -33,6 +33,7 @@ from dart_skill.arm._hand_eye import fit_orientations as fit_orientations
 from dart_skill.arm._hand_eye import fit_positions as fit_positions
 from dart_skill.arm._hand_eye import similarity as similarity
 from dart_skill.arm._hand_eye import turn_angles as turn_angles
+from dart_skill.arm._hand_pull import HandPull as HandPull
 from dart_skill.arm._hand_seen import ARM_MEMORY as ARM_MEMORY
 from dart_skill.arm._hand_seen import FILTER_TIME as FILTER_TIME
 from dart_skill.arm._hand_seen import LARGEST_REST as LARGEST_REST

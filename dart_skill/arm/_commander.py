@@ -21,6 +21,7 @@ from dart_skill.arm._hand_pull import HandPull
 from dart_skill.arm._impedance import (
     Impedance,
     JointServo,
+    PoseGains,
     Reference,
     minimum_jerk,
 )
@@ -46,10 +47,6 @@ JUMP = 0.1
 """
 JUMP_SPEED = 30.0
 """Speed with which a joint may have moved meanwhile [rad/s]."""
-FELT = {"joints": 0.02, "hand": 0.005, "none": 0.02}
-"""Distance by which a hand that is held back stays behind its plan [m], by what keeps the arm on it
-(`CommanderSettings.tracking`): where soft joints follow it presses with up to 20 N then.
-"""
 COUNTS = 0.02
 """No more of a gap between two states counts as time of a careful motion [s]: it waits on its way."""
 LONGEST_WAIT = 0.4
@@ -161,11 +158,21 @@ class Commander:
         check_plan(plan, self.settings, self._description)
         guide: Guide
         if plan.speed == Speed.CAREFUL:
-            felt = FELT[self.settings.tracking]
-            guide = CarefulGuide(plan, self.settings.follow_time, seen.registration, felt)
+            guide = CarefulGuide(
+                plan,
+                self.settings.follow_time,
+                seen.registration,
+                self.settings.limits.contact_force,
+                self._compliance,
+            )
         else:
             guide = PlanGuide(plan, self.settings.follow_time)
         self.follow(guide)
+
+    def _compliance(self, gains: PoseGains, carries: bool) -> np.ndarray:
+        """How far a force moves the hand in the newest state (3, 3) [m/N]."""
+        assert self._last is not None  # a guide is asked about a state
+        return self._pull.compliance(self._last.position, gains, carries)
 
     def follow(self, guide: Guide) -> None:
         """Begin a motion with the next state, in which a guide says at every state what the hand

@@ -2,6 +2,7 @@
 in, backs out and tries again, and says so where it does not go in.
 
 Contact is felt from the encoders alone: a hand that does not come along with its plan is held back.
+How far it must stay behind follows from a force and from the compliance of the law that moves it.
 The search is a spiral across the direction of the motion at constant speed, while the hand presses
 lightly (Chhatpar and Branicky, "Search strategies for peg-in-hole assemblies with position
 uncertainty", IROS 2001).
@@ -11,6 +12,14 @@ from __future__ import annotations
 
 import numpy as np
 
+FELT_SHARE = 0.4
+"""Contact is felt at this share of the force with which the hand may press."""
+PRESSES = 0.25
+"""A hand that searches presses with this share of it: friction at the rim, which is a share of that
+force, shall not hold what it carries against the spiral.
+"""
+LEAST_FELT = 0.005
+"""A hand that is less far behind is not held back [m]: so late a free one may be."""
 SLOWEST = 0.005
 """Planned speed below which the motion has no direction in which it could be held back [m/s]."""
 PITCH = 0.003
@@ -35,13 +44,12 @@ class ContactSearch:
 
     Parameters
     ----------
-    felt
-        Distance by which the hand stays behind its plan where it is held back [m]. It also says how
-        hard the hand presses.
+    force
+        With which the hand may press at most [N].
     """
 
-    def __init__(self, felt: float):
-        self._felt = felt
+    def __init__(self, force: float):
+        self._force = force
         self._tries, self._backs_until = 0, 0.0
         self._axis: np.ndarray | None = None
         self.aside, self.fault = np.zeros(3), ""
@@ -55,6 +63,26 @@ class ContactSearch:
         """What of a way (3,) is across the motion that is held back; all of it where none is."""
         return way if self._axis is None else way - (way @ self._axis) * self._axis
 
+    def too_hard(self, way: np.ndarray, compliance: np.ndarray) -> np.ndarray:
+        """What of the way (3,) that a hand that is held back is aimed ahead would press too hard: along
+        the motion harder than a search shall, across it harder than the hand may; 0 where none is
+        held back.
+
+        Parameters
+        ----------
+        compliance
+            As of `rate`.
+        """
+        if self._axis is None:
+            return np.zeros(3)
+        across = self.across(way)
+        aside = across / max(float(np.linalg.norm(across)), 1e-9)
+        parts = ((self._axis, PRESSES), (aside, 1.0))
+        return sum(
+            max(way @ axis - share * self._force * (axis @ compliance @ axis), 0.0) * axis
+            for axis, share in parts
+        )
+
     def rate(
         self,
         time: float,
@@ -63,6 +91,7 @@ class ContactSearch:
         wanted: np.ndarray,
         velocity: np.ndarray,
         carries: bool,
+        compliance: np.ndarray,
     ) -> float:
         """Rate of the plan's clock: 1 as planned, 0 while it is searched, -1 on the way back.
 
@@ -76,6 +105,8 @@ class ContactSearch:
             Planned there (3,) [m/s].
         carries
             Whether the hand holds something.
+        compliance
+            How far a force moves the hand, while the arm does the same, (3, 3) [m/N].
         """
         if time < self._backs_until:
             return -1.0
@@ -86,7 +117,7 @@ class ContactSearch:
             )
         if self.fault or not carries:
             return 1.0
-        if self._axis is None and not self._meets(hand, wanted, velocity):
+        if self._axis is None and not self._meets(hand, wanted, velocity, compliance):
             return 1.0
         if (hand - self._met) @ self._axis > GAVE_WAY:
             self._axis = None
@@ -96,12 +127,18 @@ class ContactSearch:
         self._back_out(time)
         return -1.0
 
-    def _meets(self, hand: np.ndarray, wanted: np.ndarray, velocity: np.ndarray) -> bool:
+    def _meets(
+        self, hand: np.ndarray, wanted: np.ndarray, velocity: np.ndarray, compliance: np.ndarray
+    ) -> bool:
         """Whether a hand that was free is held back from now on."""
         speed = float(np.linalg.norm(velocity))
-        if speed < SLOWEST or (wanted - hand) @ velocity < self._felt * speed:
+        if speed < SLOWEST:
             return False
-        self._axis, self._met = velocity / speed, hand.copy()
+        axis = velocity / speed
+        felt = FELT_SHARE * self._force * float(axis @ compliance @ axis)
+        if (wanted - hand) @ axis < max(felt, LEAST_FELT):
+            return False
+        self._axis, self._met = axis, hand.copy()
         first = np.cross(self._axis, np.eye(3)[np.abs(self._axis).argmin()])
         self._plane = np.array([first, np.cross(self._axis, first)]) / np.linalg.norm(first)
         self._angle, self._centre = 0.0, self.aside

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol
 
@@ -40,6 +40,11 @@ UNSEEN = 0.5
 """Rate of a careful plan while the cameras do not see the hand."""
 EARLY = 1e-9
 """By which an event may be early [s]: times are rounded to the nanosecond."""
+
+
+Compliance = Callable[[PoseGains, bool], np.ndarray]
+"""From gains of a plan, and whether the hand carries something, to how far a force moves the hand
+that is pulled so, (3, 3) [m/N]."""
 
 
 class Guidance(NamedTuple):
@@ -189,8 +194,12 @@ class CarefulGuide(PlanGuide):
         As the arm has it.
     registration
         Of the cameras that see the hand; default: they agree with the arm.
-    felt
-        As of `ContactSearch`; only of a plan without a pace.
+    contact_force
+        With which what the hand carries is pressed against what it touches [N]; default: contact is
+        not felt, as with a plan that has a pace.
+    compliance
+        How far a force moves the hand, (3, 3) [m/N], with gains of the plan and with or without
+        something in the hand.
     """
 
     def __init__(
@@ -198,11 +207,13 @@ class CarefulGuide(PlanGuide):
         plan: MotionPlan,
         follow_time: float,
         registration: Registration | None = None,
-        felt: float = math.inf,
+        contact_force: float = math.inf,
+        compliance: Compliance = lambda gains, carries: np.eye(3),
     ):
         super().__init__(plan, follow_time)
         self._hand_seen, self._rest = HandSeen(HAND, registration), RestTakenOut()
-        self._contact = ContactSearch(felt if plan.pace is None else math.inf)
+        self._contact = ContactSearch(contact_force if plan.pace is None else math.inf)
+        self._compliance = compliance
         self._then, self._waited = 0.0, 0.0
 
     def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
@@ -217,7 +228,8 @@ class CarefulGuide(PlanGuide):
         planned = super().look(time - self._waited, hand, stamp_ns)
         velocity, carries = planned.reference.velocity[:3], planned.carries
         aim = planned.reference.position - seen.shift + self._contact.aside
-        rate = self._contact.rate(time, step, hand.position, aim, velocity, carries)
+        compliance = self._compliance(planned.gains, carries)
+        rate = self._contact.rate(time, step, hand.position, aim, velocity, carries, compliance)
         if rate == 1.0 and self.plan.pace is None and self._hand_seen.is_lost(stamp_ns):
             rate = UNSEEN
         # the way back ends where the plan begins
@@ -229,6 +241,8 @@ class CarefulGuide(PlanGuide):
         left = self._contact.across(hand.position - wanted.position)
         turned = rotation_error(hand.rotation, wanted.rotation)
         rest = self._rest.at(time, np.concatenate([left, turned]))
+        ahead = wanted.position - rest.shift - hand.position
+        rest = rest._replace(shift=rest.shift + self._contact.too_hard(ahead, compliance))
         return planned._replace(
             reference=shifted(wanted, rest),
             fault=planned.fault or self._contact.fault,

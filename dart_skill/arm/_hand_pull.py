@@ -79,6 +79,28 @@ class HandPull:
         limits = self._settings.limits
         return cut(wrench, limits.strongest_force, limits.strongest_moment), torque
 
+    def compliance(self, position: np.ndarray, gains: PoseGains, carries: bool) -> np.ndarray:
+        """How far a force moves the hand that is pulled to a place at rest, (3, 3) [m/N].
+
+        Parameters
+        ----------
+        position
+            Of the joints (7,) [rad].
+        gains
+            Of the law (7.19).
+        carries
+            Whether the hand holds something.
+        """
+        model = self._arms[carries].model
+        jacobian = model.jacobian(position)[:3]
+        if self._settings.tracking == "joints":
+            return jacobian / self._servo.FOLLOWING.stiffness @ jacobian.T
+        mobility = jacobian @ np.linalg.solve(model.mass_matrix(position), jacobian.T)
+        stiffness = gains.stiffness if gains.stiffness.ndim == 2 else np.diag(gains.stiffness)
+        if self._settings.tracking == "hand":
+            stiffness = stiffness + np.diag(self._tracking.stiffness)
+        return np.linalg.solve(stiffness[:3, :3], mobility)
+
     def _aim(self, position: np.ndarray, now: Guidance) -> np.ndarray:
         """What the free motion of the arm aims at (7,): the posture of the start, or of the plan,
         but for the joints that swing.

@@ -42,6 +42,8 @@ class SafetyLimits:
         Corners of the box in which the hand stays, in the frame of the world (3,) [m].
     strongest_force, strongest_moment
         Of the commander's wrench, which is cut there [N], [N m].
+    contact_force
+        With which a careful hand presses what it carries against what that touches [N].
     human_force, human_moment
         Of a person who guides the arm [N], [N m].
     warning_share
@@ -61,6 +63,7 @@ class SafetyLimits:
     workspace_high: tuple[float, ...]
     strongest_force: float
     strongest_moment: float
+    contact_force: float
     human_force: float
     human_moment: float
     warning_share: float

@@ -11,8 +11,6 @@ CONFIGURATIONS = (
 """`dart_skill.skills.protocol._throw_settings`."""
 PRACTICE_METHODS = ("residual", "bootstrap", "both", "power", "none")
 """`dart_skill.skills.protocol._throw_settings`."""
-REPRESENTATIONS = ("autonomous", "dsgmr", "intervals", "pose")
-"""`dart_skill.skills.protocol._registry`."""
 CHANGES = ("none", "heavier_ball", "friction", "weaker_motors", "slower_hand", "base_turned")
 """`dart_skill.experiments.studies.practice`."""
 SEARCHES = (
@@ -27,6 +25,6 @@ LANDSCAPES = ("moving_peaks_2", "moving_peaks_5", "vanishing_peak", "half_range"
 """`dart_skill.experiments.studies.landscapes`."""
 FIGURES = (
     "3.1", "3.2", "5.1", "5.2", "5.3", "5.4", "5.5", "6.1", "6.2", "6.3", "6.4", "6.5", "6.6", "7.1", "7.4", "8.1", "8.2", "8.3", "8.4.4",
-    "8.6", "8.7", "8.8", "8.9", "8.10", "8.11", "correction", "landscape", "regrets",
+    "8.6", "8.7", "8.8", "8.9", "8.10", "8.11", "correction", "landscape", "place_strip", "regrets",
 )  # fmt: skip
 """`dart_skill.experiments.thesis`."""

@@ -146,6 +146,11 @@ def add_arm(parser: argparse.ArgumentParser) -> None:
         default="ideal",
         help="an arm of config/fleet.yaml, or fleet:SEED for one drawn from it (default ideal)",
     )
+    add_settings(parser)
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Parameters of nodes, and settings of the skill, that differ."""
     parser.add_argument(
         "--set",
         action="append",

@@ -214,13 +214,17 @@ class BenchSession(_SkillSession):
         self._deliver()
         return self._log.situation_at(self._log.bodies[HAND].stamps[-1])
 
-    def execute(self, plan: MotionPlan, sees: Sees | None = None) -> SkillTrial:
+    def execute(
+        self, plan: MotionPlan, sees: Sees | None = None, push: Push = no_push
+    ) -> SkillTrial:
         """Carry out a plan for the situation that was seen last.
 
         Parameters
         ----------
         sees
             Whom the poses of the cameras reach, default the commander.
+        push
+            What is done to the arm meanwhile, default nothing.
         """
         self._watch_anew()
         self.commander.execute(plan)
@@ -228,7 +232,7 @@ class BenchSession(_SkillSession):
         try:
             self._run(
                 plan.what,
-                no_push,
+                push,
                 lambda: not self.commander.executing and self.commander.mode in RESTING,
             )
         finally:

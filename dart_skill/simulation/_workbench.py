@@ -159,6 +159,19 @@ class Workbench(Plant):
         """Whether the part is in the hand."""
         return self._held is not None
 
+    @property
+    def pressing(self) -> np.ndarray:
+        """Force (3,) with which a part that is held presses against the holder [N], by the engine;
+        0 where it is not held.
+        """
+        if self._held is None:
+            return np.zeros(3)
+        force = np.zeros(3)
+        for contact in self._world.getContactPoints(self._ball, self._holder_body):
+            for size, direction in ((9, 7), (10, 11), (12, 13)):
+                force -= contact[size] * np.array(contact[direction])
+        return force
+
     # what is different from an arm with a ball
 
     def _build_things(self, world: BulletClient) -> None:

@@ -588,7 +588,7 @@ TYPED = {
     "dart-skill experiment place --jobs 2": Run(
         "--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts are in their holders", slow=True
     ),
-    "dart-skill experiment place --jobs 2 --representation dsgmr": Run(
+    "dart-skill experiment place --jobs 2 --set skill.representation=dsgmr": Run(
         "--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts are in their holders", slow=True
     ),
     "dart-skill experiment place --jobs 2 --arm fleet --first-seed 2000 --seeds 40": Run(

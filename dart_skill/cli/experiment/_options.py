@@ -9,8 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from dart_skill.cli.names import REPRESENTATIONS
-from dart_skill.cli.run_options import positive
+from dart_skill.cli.run_options import add_settings, positive
 
 
 def add_jobs(parser: argparse.ArgumentParser, default: int = 1) -> None:
@@ -102,12 +101,7 @@ def add_pose_skill(parser: argparse.ArgumentParser, tried: str, one: str) -> Non
     )
     parser.add_argument(f"--{tried}", type=positive, default=10, help="for each seed (default 10)")
     add_arm(parser)
-    parser.add_argument(
-        "--representation",
-        choices=REPRESENTATIONS,
-        default="",
-        help="how movements are encoded (default: as the skill's file has it)",
-    )
+    add_settings(parser)
     add_jobs(parser)
     add_json(parser, f"every {one} as JSON instead of the table")
 

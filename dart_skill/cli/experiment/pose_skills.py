@@ -45,7 +45,7 @@ def _place(options: argparse.Namespace) -> int:
         own=options.own,
         unseen=options.unseen,
         arm=options.arm,
-        representation=options.representation,
+        settings=tuple(options.set),
     )
     return show(placed, pose_skills.place_table, options.json)
 
@@ -77,6 +77,6 @@ def _reach(options: argparse.Namespace) -> int:
         cups=options.cups,
         held=options.held,
         arm=options.arm,
-        representation=options.representation,
+        settings=tuple(options.set),
     )
     return show(reached, pose_skills.reach_table, options.json)

@@ -19,42 +19,37 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import Command, Commander, Mode, PlanRefused
 from dart_skill.common.constants import HAND
+from dart_skill.common.fleet import of_nodes, skill_settings
 from dart_skill.common.situation import Pose
 from dart_skill.experiments.studies.throws import arm_of
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import Demonstration
 from dart_skill.session import BeltSession, BenchSession, SkillTrial
-from dart_skill.simulation import Belt, Holder
+from dart_skill.simulation import Belt, Holder, Workbench
 from dart_skill.skills.execution import ReactiveGuide
 from dart_skill.skills.learning import LearnedSkill, NoPlan
 from dart_skill.skills.place import Place
-from dart_skill.skills.protocol import Skill, TaskOutcome
+from dart_skill.skills.protocol import Skill, TaskOutcome, load_skill
 from dart_skill.skills.reach import Reach
 
 ATTEMPTS = 3
 """Largest number of movements that a person shows for each that succeeds."""
+PRESSED_FOR = 0.05
+"""Forces are means over so long [s]: the engine's own of a step are no forces of a contact."""
 NEAR = 0.1
 """Distance from the end of a plan at which cameras lose the hand [m]."""
 NAN = float("nan")
 """What was not measured."""
 
+
 PoseSkill = TypeVar("PoseSkill", Place, Reach)
 
 
-def configured(skill: type[PoseSkill], representation: str = "") -> PoseSkill:
-    """A skill with the settings of its file.
-
-    Parameters
-    ----------
-    skill
-        Its class.
-    representation
-        Name, in place of the file's; default: that of the file.
-    """
-    made = skill.configured()
-    if not representation:
-        return made
-    return made.with_settings(replace(made.settings, representation=representation))
+def _skill(kind: type[PoseSkill], settings: Sequence[str]) -> PoseSkill:
+    """The skill as it is configured, but for those settings of it."""
+    skill = load_skill(kind.name, changes=skill_settings(settings))
+    assert isinstance(skill, kind)
+    return skill
 
 
 def shown(show: Callable[[], SkillTrial], demonstrations: int, what: str) -> list[Demonstration]:
@@ -98,6 +93,9 @@ class Placed:
         How far its holder was from where the skill was shown [m], and how far turned [rad].
     success, error, reason
         The outcome, error in [m].
+    pressed
+        Largest force of the part that is held on its holder, a mean of `PRESSED_FOR`, by the
+        simulator's own word [N].
     """
 
     seed: int
@@ -106,6 +104,7 @@ class Placed:
     success: bool
     error: float
     reason: str
+    pressed: float = NAN
 
 
 def teach_place(
@@ -131,7 +130,7 @@ def place_seed(
     demonstrations: int = 8,
     parts: int = 10,
     arm: str = "ideal",
-    representation: str = "",
+    settings: Sequence[str] = (),
     own: int = 0,
     unseen: float = 0.0,
 ) -> list[Placed]:
@@ -140,15 +139,15 @@ def place_seed(
 
     Parameters
     ----------
-    representation
-        As in `configured`.
+    settings
+        Parameters of nodes and settings of the skill that differ, each as NODE.PARAMETER=VALUE.
     own
         Tries before those that count, from which the skill learns.
     unseen
         The cameras lose the hand for so long, once it is so near to where it ends (`NEAR`) [s].
     """
-    skill, rng = configured(Place, representation), np.random.default_rng([seed, 7])
-    session = BenchSession(skill, seed, arm=arm_of(arm, seed))
+    skill, rng = _skill(Place, settings), np.random.default_rng([seed, 7])
+    session = BenchSession(skill, seed, arm=arm_of(arm, seed), settings=of_nodes(settings))
     learned = LearnedSkill(skill, teach_place(session, skill, rng, demonstrations))
     placed = []
     for number in range(own + parts):
@@ -173,20 +172,44 @@ class LostHand:
         Where the plan ends (3,) [m].
     unseen
         How long the hand is lost [s].
+    near
+        Distance from there at which it is lost [m], default `NEAR`.
     """
 
-    def __init__(self, commander: Commander, end: np.ndarray, unseen: float):
-        self._commander, self._end, self._unseen = commander, end, unseen
+    def __init__(self, commander: Commander, end: np.ndarray, unseen: float, near: float = NEAR):
+        self._commander, self._end, self._unseen, self._near = commander, end, unseen, near
         self._lost_ns: int | None = None
 
     def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
         """As of `Commander`."""
         if body == HAND:
-            if self._lost_ns is None and np.linalg.norm(position - self._end) < NEAR:
+            if self._lost_ns is None and np.linalg.norm(position - self._end) < self._near:
                 self._lost_ns = stamp_ns
             if self._lost_ns is not None and stamp_ns - self._lost_ns < 1e9 * self._unseen:
                 return
         self._commander.see(body, stamp_ns, position, quaternion)
+
+
+class Pressing:
+    """Notes how hard a part that is held presses against its holder.
+
+    Parameters
+    ----------
+    plant
+        The world.
+    """
+
+    def __init__(self, plant: Workbench):
+        self._plant, self._forces = plant, list[float]()
+
+    def note(self) -> None:
+        """Note the force of now; nothing is done to the arm."""
+        self._forces.append(float(np.linalg.norm(self._plant.pressing)))
+
+    def most(self) -> float:
+        """Largest mean over `PRESSED_FOR` [N]."""
+        steps = round(PRESSED_FOR * 1e9 / self._plant.settings.step_ns)
+        return float(np.convolve(self._forces, np.full(steps, 1.0 / steps), "valid").max())
 
 
 def _place_once(
@@ -202,12 +225,14 @@ def _place_once(
     try:
         plan = learned.plan(session.situation(holder))
         eyes = LostHand(session.commander, plan.path.position[-1], unseen)
-        trial = session.execute(plan, eyes)
+        pressing = Pressing(session.plant)
+        trial = session.execute(plan, eyes, pressing.note)
     except (NoPlan, PlanRefused) as refusal:
         return Placed(session.seed, away, turn, False, NAN, str(refusal)), None
     outcome = trial.outcome
     reason = trial.message or outcome.reason
-    return Placed(session.seed, away, turn, outcome.success, outcome.error, reason), outcome
+    about = (session.seed, away, turn, outcome.success, outcome.error, reason)
+    return Placed(*about, pressing.most()), outcome
 
 
 def place_table(placed: Sequence[Placed]) -> str:
@@ -223,6 +248,12 @@ def place_table(placed: Sequence[Placed]) -> str:
     if len(errors):
         median = f"{np.median(errors):.1f} mm from the seat in the median"
         lines.append(f"{median}, {errors.max():.1f} mm at worst")
+    if len(forces := np.array([one.pressed for one in placed if np.isfinite(one.pressed)])):
+        shares = np.percentile(forces, [50, 90])
+        lines.append(
+            f"pressed against the holder with {shares[0]:.0f} N in the median, {shares[1]:.0f} N in"
+            f" nine of ten, {forces.max():.0f} N at most"
+        )
     for one in placed:
         if not one.success:
             turned = f"turned by {np.degrees(one.turn):+.0f} degrees"
@@ -300,7 +331,7 @@ def reach_seed(
     cups: int = 10,
     held: int = 3,
     arm: str = "ideal",
-    representation: str = "",
+    settings: Sequence[str] = (),
 ) -> list[Reached]:
     """Show, learn, and reach into cups; the first few of them again with a hand that is held, and
     the first with a cup that is lost.
@@ -309,11 +340,11 @@ def reach_seed(
 
     Parameters
     ----------
-    representation
-        As in `configured`.
+    settings
+        Parameters of nodes and settings of the skill that differ, each as NODE.PARAMETER=VALUE.
     """
-    skill, rng = configured(Reach, representation), np.random.default_rng([seed, 11])
-    session = BeltSession(skill, seed, arm=arm_of(arm, seed))
+    skill, rng = _skill(Reach, settings), np.random.default_rng([seed, 11])
+    session = BeltSession(skill, seed, arm=arm_of(arm, seed), settings=of_nodes(settings))
     learned = LearnedSkill(skill, teach_reach(session, rng, demonstrations))
     belts = [belt_drawn(skill, rng, wide=True) for _ in range(cups)]
     tasks = [("free", belt) for belt in belts] + [("held", belt) for belt in belts[:held]]

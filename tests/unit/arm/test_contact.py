@@ -5,7 +5,9 @@ import pytest
 
 from dart_skill.arm import ContactSearch
 
-STEP, FELT = 0.002, 0.01
+STEP, FORCE, FELT = 0.002, 20.0, 0.01
+SOFT = np.diag([0.5e-3, 0.5e-3, 1.25e-3])
+"""Compliance of the hand [m/N]: contact is felt at 10 mm, and a search presses with 6.25 mm."""
 DOWN = np.array([0.0, 0.0, -0.04])
 """Planned velocity [m/s]."""
 
@@ -14,7 +16,7 @@ def lowered(hole, seconds=15.0, carries=True, velocity=DOWN, play=0.003):
     """A hand that follows what is wanted, but for a plate at z = 0 with a hole of this play at a
     place (2,), None for none: rows of hand (3,), wanted (3,), rate; and the search.
     """
-    search, planned, hand, rows = ContactSearch(FELT), np.array([0.0, 0.0, 0.03]), None, []
+    search, planned, hand, rows = ContactSearch(FORCE), np.array([0.0, 0.0, 0.03]), None, []
     for k in range(round(seconds / STEP)):
         wanted = planned + search.aside
         through = hole is not None and np.hypot(*(wanted[:2] - hole)) < play
@@ -22,7 +24,7 @@ def lowered(hole, seconds=15.0, carries=True, velocity=DOWN, play=0.003):
         hand = wanted.copy()
         if not (through or inside):
             hand[2] = max(hand[2], 0.0)
-        rate = search.rate(STEP * k, STEP, hand, wanted, velocity, carries)
+        rate = search.rate(STEP * k, STEP, hand, wanted, velocity, carries, SOFT)
         rows.append((hand, wanted, rate))
         planned = planned + rate * STEP * velocity
         if search.fault:
@@ -51,6 +53,29 @@ def test_it_presses_no_harder_than_it_felt_and_moves_slowly():
     assert 0.02 < np.median(speed) < 0.03
 
 
+@pytest.mark.parametrize("place", [(0.005, 0.0), (0.0, -0.004)])
+def test_friction_at_the_rim_does_not_hold_what_a_soft_hand_carries(place):
+    """With the force at which contact is felt, 8 N, friction of 3.2 N held a part against a spiral
+    of 9 mm: a hand that gives 3 mm to a newton was dragged nowhere.
+    """
+    friction, soft, search = 0.4, 3e-3, ContactSearch(FORCE)
+    planned, hand = np.array([0.0, 0.0, 0.03]), np.array([0.0, 0.0, 0.03])
+    for k in range(round(10.0 / STEP)):
+        wanted = planned + search.aside
+        rate = search.rate(STEP * k, STEP, hand, wanted, DOWN, True, soft * np.eye(3))
+        aim = wanted - search.too_hard(wanted - hand, soft * np.eye(3))
+        holds = friction * max(hand[2] - aim[2], 0.0) if hand[2] <= 0.0 else 0.0
+        pull = aim[:2] - hand[:2]
+        if (size := np.hypot(*pull)) > holds:
+            hand[:2] += (1.0 - holds / size) * pull
+        free = np.hypot(*(hand[:2] - place)) < 0.003
+        hand[2] = aim[2] if free else max(aim[2], 0.0)
+        planned = planned + rate * STEP * DOWN
+        if hand[2] < -0.01:
+            return
+    pytest.fail(f"not found: {search.fault}, hand at {hand}")
+
+
 def test_without_a_hole_it_backs_out_tries_once_more_and_gives_up_outside():
     rows, search = lowered(None)
     rates = np.array([rate for *_, rate in rows])
@@ -75,8 +100,30 @@ def test_an_empty_hand_or_one_that_is_to_rest_does_not_search(how):
     assert {rate for *_, rate in rows} == {1.0} and not search.touches
 
 
+def test_a_hand_that_is_held_back_is_aimed_no_farther_than_the_force_allows():
+    _, search = lowered(None, 2.0)
+    assert search.touches
+    np.testing.assert_allclose(
+        search.too_hard(np.array([0.03, 0.0, -0.03]), SOFT), [0.02, 0.0, -0.02375], atol=1e-12
+    )
+    assert not search.too_hard(np.array([0.0, 0.0, -0.006]), SOFT).any()
+    assert not search.too_hard(np.array([0.0, 0.0, 0.03]), SOFT).any()
+    np.testing.assert_allclose(
+        search.too_hard(np.array([0.008, -0.006, 0.0]), 1e-4 * np.eye(3)), [0.0064, -0.0048, 0.0]
+    )
+    assert not ContactSearch(FORCE).too_hard(np.array([0.0, 0.0, -0.03]), SOFT).any()
+
+
+def test_a_stiff_hand_that_is_late_is_not_held_back():
+    """What 8 N ask of it is 0.8 mm: so late it is without any contact."""
+    for behind, touches in ((0.0049, False), (0.0051, True)):
+        search, aim = ContactSearch(FORCE), np.array([0.0, 0.0, -behind])
+        search.rate(0.0, STEP, np.zeros(3), aim, DOWN, True, 1e-4 * np.eye(3))
+        assert search.touches == touches
+
+
 def test_while_it_searches_only_what_is_across_counts_as_left():
     _, search = lowered(None, 2.0)
     assert search.touches
     assert search.across(np.array([1.0, 2.0, 3.0])) == pytest.approx([1.0, 2.0, 0.0])
-    assert ContactSearch(FELT).across(np.array([1.0, 2.0, 3.0])) == pytest.approx([1.0, 2.0, 3.0])
+    assert ContactSearch(FORCE).across(np.array([1.0, 2.0, 3.0])) == pytest.approx([1.0, 2.0, 3.0])

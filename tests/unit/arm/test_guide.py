@@ -371,8 +371,24 @@ def test_without_cameras_a_careful_plan_is_carried_out_as_made():
         assert one.reference.position == pytest.approx(other.reference.position)
 
 
+FEELS = {"contact_force": 50.0, "compliance": lambda gains, carries: 1e-3 * np.eye(3)}
+"""Contact is felt 20 mm behind the plan, and the hand is aimed 12.5 mm ahead while it searches."""
+
+
+def test_a_hand_that_is_held_back_and_seen_elsewhere_is_not_pressed_harder():
+    """The correction by what is seen would lead it on by 3 cm more."""
+    guide, said = CarefulGuide(careful(), 0.05, **FEELS), []
+    for k in range(200):
+        stamp, place = round(1e9 * STEP * k), min(SPEED * STEP * k, 0.2)
+        guide.see("hand", stamp, np.array([place - 0.1, 0.0, 1.0]), UPRIGHT)
+        said.append(guide.look(STEP * k, hand_at(place), stamp))
+    assert said[-1].touches
+    ahead = [now.reference.position[0] - 0.2 for now in said if now.touches]
+    assert max(ahead) == pytest.approx(0.0125)
+
+
 def test_a_careful_hand_that_is_held_back_waits_and_feels_around():
-    guide, touched = CarefulGuide(careful(), 0.05, felt=0.02), []
+    guide, touched = CarefulGuide(careful(), 0.05, **FEELS), []
     for k in range(100):
         touched.append(guide.look(STEP * k, hand_at(min(SPEED * STEP * k, 0.2)), 0))
     assert not touched[40].touches and touched[-1].touches
@@ -382,7 +398,7 @@ def test_a_careful_hand_that_is_held_back_waits_and_feels_around():
 
 
 def test_a_plan_with_a_pace_of_its_own_waits_by_that():
-    guide = CarefulGuide(careful(pace=by_place()), 0.05, felt=0.02)
+    guide = CarefulGuide(careful(pace=by_place()), 0.05, **FEELS)
     said = looks(guide, np.full(200, 0.2))
     assert not any(now.touches for now in said)
 
@@ -419,7 +435,7 @@ def test_stamps_of_cameras_that_are_late_by_the_registration_are_put_right():
 
 def test_the_way_back_ends_where_the_plan_begins():
     """A hand that is held from the beginning, until its search is over and its motion given up."""
-    guide, times = CarefulGuide(careful(), 0.05, felt=0.02), []
+    guide, times = CarefulGuide(careful(), 0.05, **FEELS), []
     for k in range(1600):
         now = guide.look(STEP * k, hand_at(0.0), 0)
         times.append(now.time)

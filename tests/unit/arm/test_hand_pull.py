@@ -1,0 +1,62 @@
+"""How the hand is pulled, by the law on the arm or on a model of it."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dart_skill.arm import (
+    ArmModel,
+    ArmState,
+    CommanderSettings,
+    Guidance,
+    HandPull,
+    Impedance,
+    JointServo,
+    PoseGains,
+    Reference,
+    wam_description,
+)
+from dart_skill.common.constants import Grip
+
+POSTURE = np.array([0.3, 0.5, 0.1, 1.9, -0.2, 0.5, 0.1])
+GAINS = PoseGains.of((100.0, 20.0), (150.0, 25.0))
+FORCE = np.array([0.3, -0.2, 0.5])
+"""On the hand [N], small, so that what it moves is linear in it."""
+
+
+def pull_by(tracking: str) -> HandPull:
+    settings = CommanderSettings.configured(tracking=tracking)
+    servo = JointServo(Impedance(ArmModel(), settings.friction_compensation))
+    return HandPull(settings, wam_description(), servo)
+
+
+def test_soft_joints_give_to_a_force_on_the_hand_what_the_compliance_says():
+    """Joints that balance the torque of the force: by the forward kinematics."""
+    model = ArmModel()
+    torque = model.jacobian(POSTURE)[:3].T @ FORCE
+    balanced = POSTURE + torque / JointServo.FOLLOWING.stiffness
+    moved = model.hand_pose(balanced)[0] - model.hand_pose(POSTURE)[0]
+    compliance = pull_by("joints").compliance(POSTURE, GAINS, False)
+    np.testing.assert_allclose(compliance @ FORCE, moved, rtol=0.02, atol=2e-6)
+
+
+@pytest.mark.parametrize("tracking", ["hand", "none"])
+def test_the_law_on_the_hand_balances_a_force_where_the_compliance_says(tracking):
+    """A hand that is held by the force at its own orientation, off its attractor by what the force
+    moves it, is pulled with the opposite force.
+    """
+    pull, model, still = pull_by(tracking), ArmModel(), np.zeros(7)
+    off = pull.compliance(POSTURE, GAINS, False) @ FORCE
+    jacobian = model.jacobian(POSTURE)
+    mobility = jacobian @ np.linalg.solve(model.mass_matrix(POSTURE), jacobian.T)
+    settings = CommanderSettings.configured()
+    stiffness = 150.0 + (settings.tracking_stiffness_rotation if tracking == "hand" else 0.0)
+    turned = mobility[3:, :3] @ FORCE / stiffness
+    place, rotation = model.hand_pose(POSTURE)
+    attractor = place - off, Rotation.from_rotvec(-turned).as_matrix() @ rotation
+    reference = Reference(*attractor, *attractor, np.zeros(6), np.zeros(6))
+    now = Guidance(0.0, reference, GAINS, Grip.UNSPECIFIED, False, 0.0, False)
+    pull.begin(POSTURE)
+    wrench, _ = pull.at(ArmState(0, POSTURE, still), now, 0.0, False)
+    np.testing.assert_allclose(wrench[:3], -FORCE, rtol=1e-3, atol=1e-4)
+    np.testing.assert_allclose(wrench[3:], 0.0, atol=1e-3)
