@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 
 from dart_skill.arm import wam_description
 from dart_skill.common.world import ROLES
+from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.client.person import LOOK, PersonAtTheArm
 from dart_skill_nodes.client.service_calls import ServiceCalls
 from dart_skill_nodes.comms.coroutines import start
@@ -23,7 +24,7 @@ from tests.integration.conftest import until
 
 SECOND = 1_000_000_000
 PARAMETERS = {"frame_id": "world", "longest_wait": 1.0, "stand_back": 1.0}
-PARAMETERS |= {"seat_tolerance": 0.1, "basket_tolerance": 0.1}
+PARAMETERS |= {"seat_tolerance": 0.1, "body_tolerance": 0.1}
 
 
 @pytest.fixture
@@ -31,6 +32,7 @@ def person(ros):
     node = rclpy.create_node("beside_an_arm")
     yield PersonAtTheArm(
         node,
+        load_skill("throw"),
         ServiceCalls(node),
         {role: role for role in ROLES},
         PARAMETERS,
@@ -52,7 +54,7 @@ def test_a_state_from_before_a_throw_does_not_say_where_the_arm_is_after_it(pers
     message.header.stamp.sec = 5
     person._on_state(serialize_message(message))
     assert person._check_heard(5 * SECOND)
-    with pytest.raises(ValueError, match="since it was thrown with"):
+    with pytest.raises(ValueError, match="since the last throw"):
         person._check_heard(6 * SECOND)
 
 
