@@ -79,9 +79,8 @@ class TrialBodies:
         if not (role := self._skill.in_the_way):
             return
         hand, body = (self._log.bodies[one].rows[-1:] for one in (HAND, role))
-        away = float(np.linalg.norm(hand[0][:3] - body[0][:3])) if hand and body else np.inf
-        if away < CLEAR:
-            raise ValueError(f"the {role} was last seen {away:.2f} m from the hand")
+        if hand and body and np.linalg.norm(hand[0][:3] - body[0][:3]) < CLEAR:
+            raise ValueError(f"the {role} was last seen less than {CLEAR} m from the hand")
 
     def check_set_off(self, places: Poses) -> None:
         """The body with whose motion a trial begins has left its place."""
