@@ -25,7 +25,7 @@ Poses = Mapping[str, Pose]
 
 
 class TrialBodies:
-    """What is missing for a trial. Methods raise ValueError with it, and with the remedy.
+    """What is missing for a trial, with the remedy.
 
     Parameters
     ----------
@@ -50,6 +50,11 @@ class TrialBodies:
         ----------
         wanted
             Poses of those that shall stand somewhere.
+
+        Raises
+        ------
+        ValueError
+            Says which body is not seen at rest, or stands elsewhere.
         """
         seen = {role: at_rest(self._log, role, until_ns) for role in self._skill.standing}
         for role, pose in seen.items():
@@ -69,13 +74,15 @@ class TrialBodies:
         return all(self._is_near(place, seen[role]) for role, place in places.items())
 
     def check_in_hand(self, until_ns: int, seat: Pose | None) -> None:
-        """The body that shall be in the hand rests there; None: the hand is empty."""
+        """ValueError, with what is wrong, unless the body that shall be in the hand rested at its
+        seat there up to an instant; None: the hand is empty.
+        """
         if seat is not None:
             role, tolerance = self._skill.in_hand, self._seat_tolerance
             check_in_hand(self._log, role, until_ns, seat, tolerance)
 
     def check_clear(self) -> None:
-        """The body that is at the hand after a movement was last seen farther away."""
+        """ValueError if the body that is at the hand after a movement was last seen there."""
         if not (role := self._skill.in_the_way):
             return
         hand, body = (self._log.bodies[one].rows[-1:] for one in (HAND, role))
@@ -83,7 +90,7 @@ class TrialBodies:
             raise ValueError(f"the {role} was last seen less than {CLEAR} m from the hand")
 
     def check_set_off(self, places: Poses) -> None:
-        """The body with whose motion a trial begins has left its place."""
+        """ValueError unless the body with whose motion a trial begins has left its place."""
         if role := self._skill.started_by:
             now = np.median([row[:3] for row in self._log.bodies[role].rows[-FEW:]], axis=0)
             if np.linalg.norm(now - places[role].position) < SET_OFF:
