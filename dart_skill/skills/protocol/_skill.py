@@ -35,7 +35,7 @@ class Skill(JudgedSkill, SimulatedSkill):
     @property
     def words(self) -> SkillWords:
         """What people are told of it."""
-        held, standing = self.in_hand, " and the ".join(self.standing)
+        held, there, standing = self.in_hand, self.in_the_way, " and the ".join(self.standing)
         it = "them" if len(self.standing) > 1 else "it"
         return SkillWords(
             welcome=(
@@ -49,8 +49,10 @@ class Skill(JudgedSkill, SimulatedSkill):
             stand=f"put the {standing} where the cameras see {it}" if standing else "",
             load=f"put the {held} into the hand, then stand back" if held else "",
             clear=(
-                f"take the {self.in_the_way} away from the hand, see that nothing is in its way,"
-                " then stand back"
+                f"take the {there} away from the hand, see that nothing is in its way, then stand"
+                " back"
+                if there
+                else ""
             ),
         )
 

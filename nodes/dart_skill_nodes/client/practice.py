@@ -225,8 +225,8 @@ class Practising:
                 await self._person.stand_elsewhere(places, planned.message)
                 continue
             await self._person.bring(np.array(planned.plan.start_posture))
-            held = conversions.situation(planned.held, "the learner").poses
-            ready = await self._person.ready(held.get(self._skill.in_hand), places)
+            held, role = conversions.situation(planned.held, "the learner"), self._skill.in_hand
+            ready = await self._person.ready(held.pose(role) if role else None, places)
         if not self._goal.request.only_execute:
             await self._recorder.start()
         return self._as_seen(ready, asked), Time()
