@@ -66,6 +66,11 @@ class Pose:
         back = _turn(self).inv()
         return Pose(back.apply(other.position - self.position), (back * _turn(other)).as_quat())
 
+    def apart(self, other: Pose) -> tuple[float, float]:
+        """Distance of another pose from this one [m], and the angle between both [rad]."""
+        turn = (_turn(self).inv() * _turn(other)).magnitude()
+        return float(np.linalg.norm(other.position - self.position)), float(turn)
+
 
 @dataclass(frozen=True, eq=False)
 class Situation:

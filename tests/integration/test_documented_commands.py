@@ -287,6 +287,9 @@ TYPED = {
     "dart-skill practice --running": Elsewhere(
         "integration/test_reach.py::test_practice_tries_it_where_the_coach_draws"
     ),
+    "dart-skill practice --running --throws 5": Elsewhere(
+        "integration/test_practice.py::test_beside_a_real_arm_nobody_carries_bodies_about_unless_they_ask_for_it"
+    ),
     "dart-skill practice --running --throws 20": Elsewhere(
         f"{HARDWARE}test_the_arm_practises_at_the_basket_that_the_cameras_see"
     ),

@@ -14,16 +14,21 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from dart_skill.arm import wam_description
+from dart_skill.common.situation import Pose
 from dart_skill.common.world import ROLES
+from dart_skill.recording import HAND
+from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.client.person import LOOK, PersonAtTheArm
 from dart_skill_nodes.client.service_calls import ServiceCalls
+from dart_skill_nodes.comms.conversions import pose_msg, time_msg
 from dart_skill_nodes.comms.coroutines import start
 from dart_skill_nodes.process.graph_processes import GraphFailure
 from tests.integration.conftest import until
 
 SECOND = 1_000_000_000
-PARAMETERS = {"frame_id": "world", "longest_wait": 1.0, "stand_back": 1.0}
-PARAMETERS |= {"seat_tolerance": 0.1, "basket_tolerance": 0.1}
+QUARTER = np.array([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])
+PARAMETERS = {"frame_id": "world", "longest_wait": 60.0, "stand_back": 1.0}
+PARAMETERS |= {"seat_tolerance": 0.1, "body_tolerance": 0.1}
 
 
 @pytest.fixture
@@ -31,6 +36,7 @@ def person(ros):
     node = rclpy.create_node("beside_an_arm")
     yield PersonAtTheArm(
         node,
+        load_skill("throw"),
         ServiceCalls(node),
         {role: role for role in ROLES},
         PARAMETERS,
@@ -52,7 +58,7 @@ def test_a_state_from_before_a_throw_does_not_say_where_the_arm_is_after_it(pers
     message.header.stamp.sec = 5
     person._on_state(serialize_message(message))
     assert person._check_heard(5 * SECOND)
-    with pytest.raises(ValueError, match="since it was thrown with"):
+    with pytest.raises(ValueError, match="since the last throw"):
         person._check_heard(6 * SECOND)
 
 
@@ -159,3 +165,149 @@ def test_states_that_come_after_the_word_that_the_arm_is_held_say_where_it_is(to
     told.cameras_see(9)
     told.until(lambda: told.ended)
     assert told.ended == [None]
+
+
+class Beside:
+    """A person beside an arm that practises a skill: the test says what the cameras see, and that the
+    commander holds the arm.
+    """
+
+    def __init__(self, name):
+        self.skill, self.node, self.said = load_skill(name), rclpy.create_node("person"), []
+        names = {role: role for role in (HAND, *self.skill.bodies)}
+        calls = ServiceCalls(self.node)
+        self.person = PersonAtTheArm(self.node, self.skill, calls, names, PARAMETERS)
+        self.person.ask, self.person._mode = self.said.append, "holding"
+        self._ns, self._executor = SECOND, SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+        self.poses = {HAND: Pose(np.zeros(3))}
+
+    def see(self):
+        """A frame of the cameras, and a state of the arm."""
+        self._ns += SECOND // 20
+        message = JointState(name=[joint.name for joint in wam_description().joints])
+        message.position = message.velocity = [0.0] * 7
+        message.header.stamp = time_msg(self._ns)
+        self.person._on_state(serialize_message(message))
+        for role, pose in self.poses.items():
+            seen = PoseStamped(pose=pose_msg(pose))
+            seen.header.frame_id, seen.header.stamp = "world", time_msg(self._ns)
+            self.person._taker(role)(serialize_message(seen))
+
+    def ask(self, coroutine):
+        """What comes of what the person is asked: results, and errors."""
+        ended = []
+        start(self.node, coroutine, lambda result, error: ended.append(error or result))
+        return ended
+
+    def until(self, condition):
+        def turn():
+            self.see()
+            self._executor.spin_once(timeout_sec=0.01)
+
+        until(condition, turn, lambda: f"what follows {self.said}")
+
+    def until_said(self, words):
+        self.until(lambda: words in self.said)
+
+    def result(self, ended):
+        """The result of what the person was asked."""
+        self.until(lambda: ended)
+        (result,) = ended
+        assert not isinstance(result, Exception), (result, self.said)
+        return result
+
+    def close(self):
+        self._executor.shutdown()
+        self.node.destroy_node()
+
+
+@pytest.fixture
+def beside(ros):
+    made = []
+
+    def make(name):
+        made.append(Beside(name))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+def test_a_dart_is_put_into_the_hand_and_the_board_hangs_where_it_hangs(beside):
+    darts = beside("darts")
+    bull, seat = np.array(darts.skill.bull), Pose(np.array([0.0, 0.0, 0.1]))
+    hang = darts.skill.words.stand
+    darts.poses |= {"board": Pose(bull + [0.0, 0.1, 0.0]), "dart": Pose(np.ones(3))}
+    stands = darts.ask(darts.person.stand({}))
+    darts.until(lambda: any("hang it there, or say there" in said for said in darts.said))
+    assert hang == darts.said[0] and hang in darts.said[-1] and not stands
+    darts.poses["board"] = Pose(bull)
+    places = darts.result(stands)
+    assert places["board"].position == pytest.approx(bull)
+    ready = darts.ask(darts.person.ready(seat, places))
+    darts.until_said("put the dart into the hand, then stand back")
+    darts.poses["dart"] = seat
+    assert darts.result(ready).keys() == {"board"}
+    assert darts.said[-1] == "stand back: the arm throws in 1 s"
+
+
+def test_an_aim_at_the_board_that_has_no_plan_asks_nobody_to_hang_the_board_elsewhere(beside):
+    darts = beside("darts")
+    places = {"board": Pose(np.array(darts.skill.bull))}
+    (error,) = darts.ask(darts.person.stand_elsewhere(places, "too far to the right"))
+    assert str(error) == "too far to the right" and not darts.said
+
+
+def test_the_arm_waits_for_the_cup_to_move_and_its_hand_stays_empty(beside):
+    reach, cup = beside("reach"), Pose(np.array([0.6, 0.1, 1.1]))
+    reach.poses["cup"] = cup
+    places = reach.result(reach.ask(reach.person.stand({})))
+    ready = reach.ask(reach.person.ready(None, places))
+    reach.until_said("stand back: the belt may start in 1 s")
+    reach.until_said("start the belt: the arm reaches as soon as the cup moves")
+    for _ in range(20):
+        reach.see()
+    assert not ready and "put the cup into the hand, then stand back" not in reach.said
+    reach.poses["cup"] = Pose(cup.position + [0.0, 0.03, 0.0])
+    assert reach.result(ready) == places
+
+
+def test_a_cup_that_moves_before_the_person_has_stood_back_is_asked_for_again(beside):
+    reach, cup = beside("reach"), Pose(np.array([0.6, 0.1, 1.1]))
+    reach.poses["cup"] = cup
+    ready = reach.ask(reach.person.ready(None, {"cup": cup}))
+    reach.until_said("stand back: the belt may start in 1 s")
+    reach.poses["cup"] = Pose(cup.position + [0.0, 0.2, 0.0])
+    assert reach.result(ready) is None
+
+
+def test_a_holder_is_asked_for_at_a_pose_and_where_the_arm_can_serve_it(beside):
+    place, wanted = beside("place"), Pose(np.array([0.6, 0.1, 1.2]), QUARTER)
+    place.poses |= {"holder": Pose(np.array([1.2, 0.1, 1.2])), "part": Pose(np.ones(3))}
+    stands = place.ask(place.person.stand({"holder": wanted, "part": wanted}))
+    text = "put the holder at x 0.60, y 0.10, z 1.20 m, turned by +90 degrees"
+    place.until(lambda: any("put it between 0.42 and 0.75 m from there" in s for s in place.said))
+    assert place.said[0] == text
+    place.poses["holder"] = Pose(wanted.position)
+    move = (
+        "the holder is seen elsewhere: move it by x +0.00, y +0.00, z +0.00 m, and turn it by +90"
+    )
+    place.until_said(f"{text}: {move} degrees")
+    place.poses["holder"] = wanted
+    assert place.result(stands)["holder"].apart(wanted) == pytest.approx((0.0, 0.0), abs=1e-6)
+
+
+def test_a_part_that_leaves_the_hand_while_the_person_stands_back_is_asked_for_again(beside):
+    place, seat = beside("place"), Pose(np.array([0.0, 0.0, 0.14]))
+    holder = Pose(np.array([0.6, 0.1, 1.2]))
+    place.poses |= {"holder": holder, "part": seat}
+    ready = place.ask(place.person.ready(seat, {"holder": holder}))
+    place.until_said("stand back: the arm places it in 1 s")
+    place.poses["part"] = Pose(np.array([0.0, 0.3, 0.0]))
+    load = place.skill.words.load
+    place.until(lambda: any(said.endswith(f"hand: {load}") for said in place.said))
+    assert not ready
+    place.poses["part"] = seat
+    assert place.result(ready)["holder"].position == pytest.approx(holder.position)

@@ -170,7 +170,7 @@ def test_power_explores_and_learns_over_the_nodes_as_in_process_and_its_model_go
     np.testing.assert_array_equal(
         [conversions.seen_at(outcome, "landing") for outcome in outcomes], landings
     )
-    np.testing.assert_array_equal(plan.thrown.aim, skill.plan(NEW).aim)
+    np.testing.assert_array_equal(plan.thrown.aim, skill.plan(NEW).thrown.aim)
     loaded = practised_skill(load_model(tmp_path / "practised.npz"))
     assert loaded.method == "power" and same_plan(loaded.plan(NEW), skill.plan(NEW)), (
         "also without ROS, and whatever method is asked for"
@@ -325,16 +325,19 @@ def test_every_throw_has_its_purpose_in_order_of_time(tests, purposes):
 class Coach:
     """Stands for a graph that runs: remembers what was asked for, and each throw is 1 cm off."""
 
-    def __init__(self):
-        self.asked = []
+    def __init__(self, name="throw", simulated=False):
+        self.asked, self._name, self._simulated = [], name, simulated
 
     def skill(self, _):
-        return "throw"
+        return self._name
+
+    def is_simulated(self, _):
+        return self._simulated
 
     def practise(self, throws, only_throw=False, on_feedback=None, **where):
         self.asked.append((throws, only_throw, where))
         situation = conversions.at_place(np.array([2.0, 0.0, 0.4]))
-        outcome = conversions.unseen_outcome_msg(situation, "throw", "world")
+        outcome = conversions.unseen_outcome_msg(situation, self._name, "world")
         return Practice.Result(
             success=True,
             executed=throws,
@@ -359,6 +362,24 @@ def test_on_a_running_graph_there_are_tests_only_if_somebody_asks_for_them(chose
         )
         assert coach.asked == wanted and told["thrown"] == 4
         assert ("at the same 2 baskets" in told["text"]) == bool(tests)
+
+
+@pytest.mark.parametrize(
+    ("name", "simulated", "chosen", "follows"),
+    [
+        ("place", False, [], True),
+        ("place", False, ["--choose"], False),
+        ("place", True, [], False),
+        ("darts", False, [], False),
+    ],
+)
+def test_beside_a_real_arm_nobody_carries_bodies_about_unless_they_ask_for_it(
+    name, simulated, chosen, follows
+):
+    parser, coach = argparse.ArgumentParser(), Coach(name, simulated)
+    practice.add_arguments(parser)
+    practice.practise_there(coach, parser.parse_args(["--running", "--throws", "2", *chosen]))
+    assert coach.asked == [(2, False, {"follow_basket": follows})]
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from dart_skill.arm import DART, WamDescription
-from dart_skill.common.situation import Situation
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.common.surface import BOARD_DIAMETER, BoardFace
 from dart_skill.common.world import the_world
 from dart_skill.darts import place_of, score
@@ -116,7 +116,7 @@ class Darts(Throw):
     bodies = ("dart", "board")
     world = "board"
     corrects = "board"
-    cuts_itself = in_the_open = practised_by_hand = False
+    cuts_itself = in_the_open = False
     parts = MappingProxyType(
         {
             **Throw.parts,
@@ -149,7 +149,8 @@ class Darts(Throw):
 
     @property
     def words(self) -> SkillWords:
-        return replace(super().words, lessons=8, tries=75, unit=("mm", 1000.0))
+        hang = "hang the board where board_position of config/world.yaml says, in sight of the cameras"
+        return replace(super().words, stand=hang, lessons=8, tries=75, unit=("mm", 1000.0))
 
     @property
     def situated(self) -> tuple[str, ...]:
@@ -240,14 +241,12 @@ class Darts(Throw):
         """A point about the bull."""
         return self.draws(rng, 1)[0]
 
-    def check_seen(self, aimed_at: np.ndarray) -> None:
-        """ValueError if the cameras see the board (3,) [m] elsewhere than config/world.yaml has
-        it. aimed_at: the place.
-        """
-        away = float(np.linalg.norm(np.asarray(aimed_at, dtype=float) - self.face.bull))
-        if not away <= self.settings.tolerance:
+    def check_seen(self, role: str, pose: Pose) -> None:
+        """ValueError if the cameras see the board elsewhere than config/world.yaml has it."""
+        away = float(np.linalg.norm(pose.position - self.face.bull))
+        if role == "board" and not away <= self.settings.tolerance:
             raise ValueError(
-                f"the cameras see the board at {np.round(aimed_at, 3).tolist()} m, {away:.3f} m"
+                f"the cameras see the board at {pose.position.round(3).tolist()} m, {away:.3f} m"
                 " from where config/world.yaml has its bull (board_position,"
                 f" {list(self.face.bull)}): hang it there, or say there where it hangs"
             )

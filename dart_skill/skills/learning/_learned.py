@@ -155,6 +155,20 @@ class LearnedSkill:
                 )
 
     @cached_property
+    def held(self) -> Situation:
+        """Where the body in the hand is at the start, in the frame of the hand: the median of what
+        was shown; nothing for a skill whose hand is empty.
+        """
+        role = self.skill.in_hand
+        if not role:
+            return Situation({})
+        shown = [one.situation for one in self.movements]
+        seen = [one.pose(HAND).sees(one.pose(role)) for one in shown]
+        place = np.median([one.position for one in seen], axis=0)
+        turned = _mean_orientation([one.quaternion for one in seen])
+        return Situation({role: Pose(place, turned)})
+
+    @cached_property
     def model_id(self) -> str:
         """Digest of what the model was made from: equal demonstrations and settings give an equal
         name.
@@ -232,7 +246,8 @@ class LearnedSkill:
         )
 
     def plan(self, situation: Situation) -> MotionPlan:
-        """A movement for a situation, which need not say where the hand starts.
+        """A movement for a situation, which need not say where the hand starts, and how it holds
+        what it holds.
 
         Raises
         ------
@@ -241,6 +256,9 @@ class LearnedSkill:
         """
         assert isinstance(self.encoded, ClockedRepresentation), "a policy is asked on the way"
         situation = situation if HAND in situation.poses else situation.moved(HAND, self.start)
+        for role, pose in self.held.poses.items():
+            if role not in situation.poses:
+                situation = situation.moved(role, situation.pose(HAND).place(pose))
         aimed = self.skill.corrected(situation, self.offset)
         try:
             path, attractor, turned = self.encoded.movement(aimed)

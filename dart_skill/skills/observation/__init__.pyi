@@ -1,6 +1,7 @@
 from dart_skill.skills.observation._arm_in_bag import attach_arm as attach_arm
-from dart_skill.skills.observation._at_rest import basket_at_rest as basket_at_rest
-from dart_skill.skills.observation._at_rest import check_ball_in_hand as check_ball_in_hand
+from dart_skill.skills.observation._at_rest import TURNED as TURNED
+from dart_skill.skills.observation._at_rest import at_rest as at_rest
+from dart_skill.skills.observation._at_rest import check_in_hand as check_in_hand
 from dart_skill.skills.observation._cutting import ARRIVAL_NS as ARRIVAL_NS
 from dart_skill.skills.observation._cutting import THRESHOLDS as THRESHOLDS
 from dart_skill.skills.observation._cutting import ThrowLog as ThrowLog

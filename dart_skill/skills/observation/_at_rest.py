@@ -1,13 +1,14 @@
-"""What rests where, as the cameras see it: the ball in the hand before a throw, and the basket. A
-person puts both there.
+"""What rests where, as the cameras see it: bodies that a person has put somewhere, and the one in
+the hand, before a trial.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from dart_skill.movement import rotate
-from dart_skill.skills.observation._cutting import ThrowLog
+from dart_skill.common.situation import Pose
+from dart_skill.recording import HAND
+from dart_skill.skills.observation._sensor_log import SensorLog
 
 REST_NS = 500_000_000
 """So long a body is looked at [ns]."""
@@ -17,54 +18,49 @@ STILL = 0.008
 """A body that goes less far from the first half of that time to the second one is at rest [m]:
 medians, because cameras are noisy.
 """
+TURNED = 0.35
+"""A body that is turned by less is turned as it shall be [rad]."""
 
 
-def basket_at_rest(log: ThrowLog, until_ns: int) -> np.ndarray:
-    """Where the basket stood up to an instant (3,) [m].
+def at_rest(log: SensorLog, role: str, until_ns: int) -> Pose:
+    """Where a body stood up to an instant; not turned where the log does not tell.
 
     Raises
     ------
     ValueError
         If it was not seen, or was moved.
     """
-    _, place = _seen(log, "basket", until_ns)
-    return _resting("the basket", place)
+    part = log.bodies[role].part(until_ns - REST_NS, until_ns)
+    if len(part.stamps) < ENOUGH:
+        raise ValueError(f"the {role} is not seen")
+    rows, half = np.array(part.rows), len(part.rows) // 2
+    first, second = (np.median(some[:, :3], axis=0) for some in (rows[:half], rows[half:]))
+    if np.linalg.norm(first - second) > STILL:
+        raise ValueError(f"the {role} moves")
+    place = np.median(rows[:, :3], axis=0)
+    if role not in log.turned:
+        return Pose(place)
+    turned = rows[:, 3:]
+    same = np.where(turned @ turned[-1] < 0.0, -1.0, 1.0)[:, None]  # q and -q are one orientation
+    return Pose(place, (same * turned).mean(axis=0))
 
 
-def check_ball_in_hand(log: ThrowLog, until_ns: int, seat: np.ndarray, tolerance: float) -> None:
+def check_in_hand(log: SensorLog, role: str, until_ns: int, seat: Pose, tolerance: float) -> None:
     """The seat is in the frame of the hand's tracked body. The message says what is missing: the
-    ball, the hand, or how far off the ball is.
+    body, the hand, or how far off the body is.
 
     Raises
     ------
     ValueError
-        Unless the ball rested in a resting hand up to an instant, nearer to its seat (3,) there
-        than `tolerance` [m].
+        Unless the body rested in a resting hand up to an instant, nearer to its seat there than
+        `tolerance` [m], and turned as there by less than `TURNED`.
     """
-    ball_time, ball = _seen(log, "ball", until_ns)
-    hand_time, hand = _seen(log, "hand", until_ns)
-    _resting("the hand", hand[:, :3])
-    nearest = np.clip(np.searchsorted(hand_time, ball_time), 0, len(hand_time) - 1)
-    inverse = hand[nearest, 3:] * [-1.0, -1.0, -1.0, 1.0]
-    held = _resting("the ball", rotate(inverse, ball - hand[nearest, :3]))
-    away = float(np.linalg.norm(held - seat))
+    hand, body = at_rest(log, HAND, until_ns), at_rest(log, role, until_ns)
+    away, turn = seat.apart(hand.sees(body))
     if away > tolerance:
-        raise ValueError(f"the ball is {away:.2f} m from its place in the hand")
-
-
-def _seen(log: ThrowLog, body: str, until_ns: int) -> tuple[np.ndarray, np.ndarray]:
-    """Stamps (n,) [ns] and rows (n, d) of a body in the time before an instant; ValueError if
-    there are too few.
-    """
-    part = getattr(log, body).part(until_ns - REST_NS, until_ns)
-    if len(part.stamps) < ENOUGH:
-        raise ValueError(f"the {body} is not seen")
-    return np.array(part.stamps, dtype=np.int64), np.array(part.rows)
-
-
-def _resting(what: str, place: np.ndarray) -> np.ndarray:
-    """Median (d,) of places (n, d) in order of time; ValueError if they go on."""
-    half = len(place) // 2
-    if np.linalg.norm(np.median(place[:half], axis=0) - np.median(place[half:], axis=0)) > STILL:
-        raise ValueError(f"{what} moves")
-    return np.median(place, axis=0)
+        raise ValueError(f"the {role} is {away:.2f} m from its place in the hand")
+    if role in log.turned and turn > TURNED:
+        raise ValueError(
+            f"the {role} is turned by {np.degrees(turn):.0f} degrees from how it was in the hand"
+            " when it was shown"
+        )

@@ -8,7 +8,7 @@ beginning and open at the end.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,7 +17,14 @@ from scipy.spatial.transform import Rotation
 from dart_skill.arm import WamDescription, with_box
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.recording import HAND, Demonstration
-from dart_skill.skills.protocol import OF_REACTING, Skill, SkillSettings, Solid, TaskOutcome
+from dart_skill.skills.protocol import (
+    OF_REACTING,
+    Skill,
+    SkillSettings,
+    SkillWords,
+    Solid,
+    TaskOutcome,
+)
 
 LIES = 0.3
 """The part is looked at so long after the fingers were told to open at the earliest [s]: it may
@@ -99,9 +106,27 @@ class Place(Skill):
     name = "place"
     task = "put the part on its holder"
     bodies = ("part", "holder")
+    in_hand = in_the_way = "part"
     corrects = "holder"
     settings_type = PlaceSettings
     settings: PlaceSettings
+
+    @property
+    def words(self) -> SkillWords:
+        return replace(
+            super().words,
+            load="put the part between the fingers as it was shown, then stand back",
+            then="the arm places it",
+        )
+
+    def check_seen(self, role: str, pose: Pose) -> None:
+        """ValueError if the holder stands where the arm cannot point its hand straight down."""
+        (near, far), away = self.settings.reach, float(np.hypot(*pose.position[:2]))
+        if role == "holder" and not near < away < far:
+            raise ValueError(
+                f"the holder is {away:.2f} m from the axis of the base: put it between {near:.2f}"
+                f" and {far:.2f} m from there, where the hand can point straight down"
+            )
 
     @property
     def seat(self) -> Pose:

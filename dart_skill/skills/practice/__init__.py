@@ -29,6 +29,7 @@ from dart_skill.skills.practice._practising import PractisingSkill
 from dart_skill.skills.practice._searching import LEAST_SCATTER, PRIOR_SPREAD, correction_of
 from dart_skill.skills.practice._steadiness import Steadiness
 from dart_skill.skills.practice._target_choice import TargetChoice, target_choice_of
+from dart_skill.skills.practice._trial_bodies import Poses, TrialBodies
 
 __all__ = [
     "BootstrapPractice",
@@ -45,6 +46,7 @@ __all__ = [
     "PRIOR_SPREAD",
     "Parameters",
     "Planned",
+    "Poses",
     "Practice",
     "PracticeSettings",
     "PractisingSkill",
@@ -53,6 +55,7 @@ __all__ = [
     "Standing",
     "Steadiness",
     "TargetChoice",
+    "TrialBodies",
     "TrialMemory",
     "UNKNOWN_ERROR",
     "UNSEEN_ERROR",

@@ -163,9 +163,9 @@ class Practice(Part):
         model = self._model
         self.skill.check_known(asked.poses, asked.numbers, model.movements[-1].situation.numbers)
         if self.skill.reacts:
-            return Planned(model.policy, asked, model.model_id)
+            return Planned(model.policy, asked, model.model_id, held=model.held)
         aim = self.skill.corrected(asked, model.offset)
-        return Planned(model.plan(asked), asked, model.model_id, aim)
+        return Planned(model.plan(asked), asked, model.model_id, aim, model.held)
 
     def tell(self, trial: Demonstration, plan: MotionPlan | None = None) -> Learned:
         """Learn from what became of a plan."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.common.situation import Situation
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.movement import VelocityThreshold, segment_containing
 from dart_skill.recording import HAND, Demonstration, demonstration_id
 from dart_skill.skills.observation import SensorLog
@@ -85,6 +85,11 @@ class JudgedSkill(SkillBase):
     def decisive(self) -> tuple[str, ...]:
         """Roles that decide what became of a movement."""
         return (HAND, *self.bodies)
+
+    def check_seen(self, role: str, pose: Pose) -> None:
+        """ValueError, with the remedy, if a body cannot be served where it was seen at a pose.
+        Default: it can be anywhere.
+        """
 
     def take_world(self, parameters: Mapping[str, Any]) -> None:
         """Take what a node was told of the world. Default: nothing of it matters."""

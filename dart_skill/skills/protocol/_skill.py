@@ -35,6 +35,8 @@ class Skill(JudgedSkill, SimulatedSkill):
     @property
     def words(self) -> SkillWords:
         """What people are told of it."""
+        held, there, standing = self.in_hand, self.in_the_way, " and the ".join(self.standing)
+        it = "them" if len(self.standing) > 1 else "it"
         return SkillWords(
             welcome=(
                 f"Press Teach to have {self.name} shown, or Take the hand to show it yourself."
@@ -44,7 +46,22 @@ class Skill(JudgedSkill, SimulatedSkill):
             begin=(
                 f"bring the hand to where the {self.name} begins, hold it still, and press Enter"
             ),
+            stand=f"put the {standing} where the cameras see {it}" if standing else "",
+            load=f"put the {held} into the hand, then stand back" if held else "",
+            clear=(
+                f"take the {there} away from the hand, see that nothing is in its way, then stand"
+                " back"
+                if there
+                else ""
+            ),
         )
+
+    def where_to_put(self, role: str, pose: Pose) -> str:
+        """What a person is told who shall put a body to a pose."""
+        x, y, z = pose.position
+        turn = np.degrees(np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0]))
+        turned = f", turned by {turn:+.0f} degrees" if self.turned else ""
+        return f"put the {role} at x {x:.2f}, y {y:.2f}, z {z:.2f} m{turned}"
 
     def frames(self, situation: Situation) -> list[Pose]:
         """Task frames (7.5.2). Default: one where the hand starts, and one at each body."""

@@ -72,8 +72,6 @@ class SkillBase:
         Whether the hand turns on its way.
     configurations
         Changes of its settings that have a name, by name.
-    practised_by_hand
-        Whether a person can put the bodies to their places while it practises.
     by_pointer
         Whether it is slow enough to be shown with a mouse.
     cuts_itself
@@ -100,7 +98,6 @@ class SkillBase:
     parts: Mapping[str, Mapping[str, str]] = MappingProxyType({})
     turns_hand = True
     configurations: Mapping[str, Mapping[str, Any]] = MappingProxyType({})
-    practised_by_hand = False
     by_pointer = True
     cuts_itself = False
     in_the_open = False
@@ -168,6 +165,34 @@ class SkillBase:
         body, or the hand where there is none.
         """
         return self.bodies[0] if self.bodies else HAND
+
+    @property
+    def in_hand(self) -> str:
+        """Role of the body that is in the hand when a movement begins: with a real arm a person puts
+        it there before each trial. Default: empty, there is none.
+        """
+        return ""
+
+    @property
+    def standing(self) -> tuple[str, ...]:
+        """Roles of the bodies that stand at rest before a trial, where the cameras see them: all
+        but the one in the hand.
+        """
+        return tuple(role for role in self.bodies if role != self.in_hand)
+
+    @property
+    def started_by(self) -> str:
+        """Role of the body with whose motion a trial beside a real arm begins, as that of a cup on
+        a belt. Default: empty, it begins when the person has stood back.
+        """
+        return ""
+
+    @property
+    def in_the_way(self) -> str:
+        """Role of the body that is at the hand after a movement: with a real arm a person takes it
+        away before the arm goes back. Default: empty, there is none.
+        """
+        return ""
 
     @property
     def situated(self) -> tuple[str, ...]:

@@ -19,6 +19,12 @@ class SkillWords:
         What demonstrations are.
     begin, show
         What a person does who guides the arm, before the movement and with it.
+    stand, load, start, clear
+        What a person does beside a real arm that practises: with the bodies that stand somewhere,
+        with the one in the hand, with the one whose motion starts a trial, and with the one at the
+        hand afterwards (`SkillBase.standing`, `in_hand`, `started_by`, `in_the_way`).
+    then
+        What happens when that person has stood back.
     do
         The button that has the skill carried out once.
     trials
@@ -45,6 +51,11 @@ class SkillWords:
     show: str = (
         "show it, tell the hand when to open and close, hold still for a second, press Enter"
     )
+    stand: str = ""
+    load: str = ""
+    start: str = ""
+    clear: str = ""
+    then: str = "the arm begins"
     do: str = "Execute"
     trials: str = "trials"
     lessons: int = 8

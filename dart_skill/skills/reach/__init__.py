@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import HAND, Demonstration
-from dart_skill.skills.protocol import Skill, SkillSettings, Solid, TaskOutcome
+from dart_skill.skills.protocol import Skill, SkillSettings, SkillWords, Solid, TaskOutcome
 
 WIDE = 0.05
 """Radius of a cup, as viewers show it: nothing touches it [m]."""
@@ -82,6 +82,7 @@ class Reach(Skill):
     world = "belt"
     turns_hand = False
     shown_by = "follow"
+    started_by = in_the_way = "cup"
     corrects = "cup"
     numbers = ("way_x", "way_y", "way_z", "steady", "start", "duration", "tunnel")
     units = MappingProxyType(
@@ -89,6 +90,15 @@ class Reach(Skill):
     )
     settings_type = ReachSettings
     settings: ReachSettings
+
+    @property
+    def words(self) -> SkillWords:
+        return replace(
+            super().words,
+            stand="put the cup where the belt begins, and let the cameras see it",
+            then="the belt may start",
+            start="start the belt: the arm reaches as soon as the cup moves",
+        )
 
     def solids(self, role: str) -> Sequence[Solid]:
         return (Solid("cup", (WIDE, self.settings.rim, 0.003)),)

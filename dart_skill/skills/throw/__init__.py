@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from dart_skill.common.regions import Region
-from dart_skill.common.situation import Situation
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import HAND, Demonstration, demonstration_id
 from dart_skill.skills.observation import (
@@ -36,20 +36,6 @@ RELEASE = "release"
 
 class Throw(AimedSkill):
     """Throw the ball in the hand at the basket; the pose of a basket is the centre of its rim."""
-
-    def check_seen(self, aimed_at: np.ndarray) -> None:
-        """A basket can be anywhere.
-
-        Parameters
-        ----------
-        aimed_at
-            The place.
-
-        Raises
-        ------
-        ValueError
-            If what is thrown at cannot be where it was seen (3,) [m].
-        """
 
     def cut(self, demonstration: Demonstration) -> tuple[float, float]:
         """All of it: a throw is cut when it is recorded (`skills.observation`)."""
@@ -113,7 +99,7 @@ class Throw(AimedSkill):
         assert isinstance(log, ThrowLog)
         target = self.target(asked)
         if log.basket.rows:
-            self.check_seen(log.basket.rows[-1])
+            self.check_seen(self.bodies[1], Pose(log.basket.rows[-1]))
         outcome, release = judged(log, target, self.rim_radius, told_ns, until_ns, self.game)
         unseen = np.full(3, np.nan)
         left = (release.position, release.velocity) if release else (unseen, unseen)

@@ -50,7 +50,6 @@ class AimedSkill(Skill):
     settings: ThrowSettings
     configurations = MappingProxyType({**CONFIGURATIONS, **LADDER})
     reacts = False
-    practised_by_hand = True
     shown_by = "swing"
     by_pointer = False
     cuts_itself = in_the_open = True
@@ -61,6 +60,11 @@ class AimedSkill(Skill):
     @property
     def frame_names(self) -> tuple[str, ...]:
         return ("base", "start", "azimuth", "target")
+
+    @property
+    def in_hand(self) -> str:
+        """What is thrown."""
+        return self.bodies[0]
 
     @property
     def words(self) -> SkillWords:
@@ -78,6 +82,9 @@ class AimedSkill(Skill):
                 f"throw, press the hand's button, wait until the {thrown} has landed, and press"
                 " Enter"
             ),
+            stand=f"put the {aimed_at} where the cameras see it",
+            load=f"put the {thrown} into the hand, then stand back",
+            then="the arm throws",
             do="Throw",
             trials="throws",
             lessons=13,
@@ -163,6 +170,11 @@ class AimedSkill(Skill):
         to_show, to_try = targets_for(seed, shown, tried, self.region)
         spare = self.region.spread(shown, np.random.default_rng([seed, 3]))
         return map(self.at, chain(to_show, spare)), map(self.at, to_try)
+
+    def where_to_put(self, role: str, pose: Pose) -> str:
+        """Place of the centre of the rim."""
+        x, y, z = pose.position
+        return f"put the {role} at x {x:.2f}, y {y:.2f}, with its rim at z {z:.2f} m"
 
     def in_words(self, situation: Situation) -> str:
         """Distance and azimuth of the basket."""

@@ -72,7 +72,7 @@ class ThrowPractice(Practice):
 
     def plan(self, asked: Situation, explore: bool = False) -> Planned:
         plan = self.practising.plan(self.skill.target(asked), explore)
-        held = Situation({self.skill.moves: Pose(self.model.seat)})
+        held = Situation({self.skill.in_hand: Pose(self.model.seat)})
         return Planned(plan, asked, plan.model_id, self.skill.at(plan.thrown.aim), held)
 
     def tell(self, trial: Demonstration, plan: MotionPlan | None = None) -> Learned:

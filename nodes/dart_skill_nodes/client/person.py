@@ -1,9 +1,10 @@
 """The person beside a real arm: asked for what a simulator's reset does, and waited for until the
-cameras see it.
+cameras see it. What that is, the skill says (`standing`, `in_hand`, `started_by`, `in_the_way`,
+`words`).
 
-The arm moves to where a throw begins, the person puts the ball into its hand and stands back.
-Where targets are given, the person puts the basket there. Nothing here moves the arm but `bring`,
-which a commander refuses whose arm a person may hold.
+Bodies stand where the person puts them, the arm moves to where a trial begins, the person puts
+what it needs into its hand and stands back. Nothing here moves the arm but `bring`, which a
+commander refuses whose arm a person may hold.
 """
 
 import time
@@ -18,8 +19,10 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from dart_skill.arm import ArmState, Mode
-from dart_skill.common.world import ROLES
-from dart_skill.skills.observation import basket_at_rest, check_ball_in_hand
+from dart_skill.common.situation import Pose
+from dart_skill.recording import HAND
+from dart_skill.skills.practice import Poses, TrialBodies
+from dart_skill.skills.protocol import Skill
 from dart_skill_nodes.client.service_calls import ServiceCalls
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import pause
@@ -41,33 +44,41 @@ COME_TO_REST = 20.0
 """An arm that is not at its posture so long after it should be is not waited for any more [s, wall
 clock].
 """
-HELD, MOVES = Mode.HOLDING.value, Mode.MOVING.value
-"""What the commander says of an arm that it holds, and of one on its way to a posture."""
+HELD, MOVES, RELEASED = Mode.HOLDING.value, Mode.MOVING.value, Mode.FREE.value
+"""What the commander says of an arm that it holds, of one on its way to a posture, and of one that
+a person may guide.
+"""
 
 
 class PersonAtTheArm:
-    """What `node` asks of the person, as coroutines; each raises GraphFailure when it takes too
-    long, or when `withdrawn` gives a reason.
+    """What `node` asks of the person who lets a skill be practised, as coroutines; each raises
+    GraphFailure when it takes too long, or when `withdrawn` gives a reason.
 
     bodies: names of the tracked bodies by role. parameters: of the node, in force: frame_id,
-    longest_wait, stand_back, seat_tolerance, basket_tolerance. ask: called with what the person
+    longest_wait, stand_back, seat_tolerance, body_tolerance. ask: called with what the person
     should do now.
     """
 
     def __init__(
         self,
         node: Node,
+        skill: Skill,
         calls: ServiceCalls,
         bodies: dict[str, str],
         parameters: dict,
     ):
-        self._node, self._calls, self._p = node, calls, parameters
-        self._tracked = TrackedBodies(parameters["frame_id"], node.get_logger().error)
+        self._node, self._skill, self._calls, self._p = node, skill, calls, parameters
+        complain = node.get_logger().error
+        self._tracked = TrackedBodies(parameters["frame_id"], complain, log=skill.sensor_log())
+        tolerances = parameters["seat_tolerance"], parameters["body_tolerance"]
+        self._bodies = TrialBodies(skill, self._tracked.log, *tolerances)
         self._cameras = MatchingSubscriptions(node)
-        for role in ROLES:
+        for role in (HAND, *skill.bodies):
             self._cameras.subscribe(
                 pose_topic(bodies[role]), self._taker(role), PoseStamped, raw=True
             )
+        self._trial = skill.words.trials.removesuffix("s")
+        self._begin = f"where the {self._trial} begins"
         self._heard, self._mode, self._last, self._moved = b"", "", "", False
         self._mode_ns = 0  # stamp of the state in which the commander said its mode
         self._states = hear_joint_states(node, self._on_state, raw=True)
@@ -99,25 +110,31 @@ class PersonAtTheArm:
 
     # what is asked and waited for
 
-    async def basket(self, target: np.ndarray | None) -> np.ndarray:
-        """Where the basket stands still (3,): anywhere, or within the tolerance of a target (3,)."""
-        if target is None:
-            return await self._until("put the basket where the cameras see it", self._where_basket)
-        x, y, z = target
-        text = f"put the basket at x {x:.2f}, y {y:.2f}, with its rim at z {z:.2f} m"
-        return await self._until(text, lambda: self._basket_at(target))
-
-    async def another_basket(self, place: np.ndarray, why: str) -> None:
-        """Wait until the basket is seen elsewhere than at a place (3,) for which there is no plan,
-        and why.
+    async def stand(self, asked: Poses) -> Poses:
+        """Where the bodies stand still that are not in the hand: anywhere, or within the tolerance
+        of the poses that are asked for.
         """
+        wanted = {role: pose for role, pose in asked.items() if role in self._skill.standing}
+        places = [self._skill.where_to_put(role, pose) for role, pose in wanted.items()]
+        text = "; ".join(places) or self._skill.words.stand
+        return await self._until(
+            text, lambda: self._bodies.standing(self._tracked.newest_ns, wanted)
+        )
+
+    async def stand_elsewhere(self, places: Poses, why: str) -> None:
+        """Wait until a body is seen elsewhere than at poses for which there is no plan, and why;
+        GraphFailure if a plan depends on none.
+        """
+        roles = [role for role in places if role in self._skill.situated]
+        if not roles:
+            raise GraphFailure(why)
 
         def moved() -> bool:
-            if self._rests_at(place) is not False:
+            if self._bodies.stay(self._tracked.newest_ns, places) is not False:
                 raise ValueError("")
             return True
 
-        await self._until(f"put the basket elsewhere: {why}", moved)
+        await self._until(f"put the {' or the '.join(roles)} elsewhere: {why}", moved)
 
     async def bring(self, posture: np.ndarray, since_ns: int = 0) -> None:
         """Move the arm to a posture (7,) and wait until it rests there.
@@ -129,7 +146,13 @@ class PersonAtTheArm:
             await self._until("", lambda: self._check_heard(since_ns), COME_TO_REST)
         if self._is_at(posture):
             return
-        self.ask("stand back: the arm moves to where the throw begins")
+        if self._mode == RELEASED:
+            await self._stand_back("", self._check_held, f"the arm moves to {self._begin}")
+        try:
+            self._bodies.check_clear()
+        except ValueError:
+            await self._stand_back(self._skill.words.clear, self._check_clear, "the arm goes back")
+        self.ask(f"stand back: the arm moves to {self._begin}")
         self._moved = False
         begun = await self._calls.call(self._move, MoveArm.Request(posture=posture))
 
@@ -143,7 +166,7 @@ class PersonAtTheArm:
                 and not self._is_at(posture)
             ):
                 raise GraphFailure(
-                    "the arm stopped on its way to where the throw begins:"
+                    f"the arm stopped on its way to {self._begin}:"
                     f" {self._last or 'the commander says no reason'}"
                 )
             return self._check_at(posture)
@@ -154,79 +177,74 @@ class PersonAtTheArm:
             await self._calls.call(self._stop, Trigger.Request())
             raise
 
-    async def ball(self, seat: np.ndarray, basket: np.ndarray) -> bool:
-        """Wait until the ball rests at its seat (3,) in the hand of a held arm, and has rested
-        there while the person stood back.
+    async def ready(self, seat: Pose | None, places: Poses) -> Poses | None:
+        """Wait until a body rests at its seat in the hand of a held arm, and has rested there while
+        the person stood back; for a skill that begins with the motion of a body, until that has
+        set off. Where the other bodies stand then.
 
-        False as soon as the basket rests elsewhere than at a place (3,): what was planned for it
-        is not thrown.
+        None as soon as one of them rests elsewhere than at its place: what was planned for it is
+        not executed.
+        """
+        words, now = self._skill.words, self._tracked
+
+        def is_ready() -> bool:
+            if self._bodies.stay(now.newest_ns, places) is False:
+                return False
+            self._check_held()
+            self._bodies.check_in_hand(now.newest_ns, seat)
+            return True
+
+        stood_back = await self._stand_back(words.load, is_ready, words.then)
+        if not stood_back or not self._bodies.stay(now.newest_ns, places):
+            return None
+        if self._skill.started_by:
+            await self._until(words.start, lambda: self._check_set_off(places))
+            return places
+        return await self._until("", lambda: self._bodies.standing(now.newest_ns, {}))
+
+    async def _stand_back(self, text: str, condition: Callable[[], bool], then: str) -> bool:
+        """Wait until a condition holds, and has held for so long as the person needs to stand back
+        before what is said to happen `then`; False as soon as it returns that.
         """
         seconds = self._p["stand_back"]
-        text = "put the ball into the hand, then stand back"
-        if not await self._until(
-            text, lambda: self._rests_at(basket) is not False and self._check_ball(seat)
-        ):
+        if not await self._until(text, condition):
             return False
         begun_ns = self._tracked.newest_ns
-        self.ask(f"stand back: the arm throws in {seconds:.0f} s")
+        self.ask(f"stand back: {then} in {seconds:.0f} s")
 
         def stood_back() -> bool:
             nonlocal begun_ns
-            if self._rests_at(basket) is False:
-                return False
             try:
-                self._check_ball(seat)
+                holds = condition()
             except ValueError as error:
                 begun_ns = self._tracked.newest_ns
-                raise ValueError(f"{error}: {text}") from error
-            if self._tracked.newest_ns - begun_ns < seconds * 1e9:
+                raise ValueError(f"{error}: {text}" if text else str(error)) from error
+            if holds and self._tracked.newest_ns - begun_ns < seconds * 1e9:
                 raise ValueError("")
-            return True
+            return holds
 
-        return await self._until("", stood_back) and self._rests_at(basket) is True
-
-    def _rests_at(self, place: np.ndarray) -> bool | None:
-        """Whether the basket rests at a place (3,); None where it is not seen at rest: somebody
-        who stands before it has not carried it.
-        """
-        try:
-            return self._is_near(place, self._where_basket())
-        except ValueError:
-            return None
-
-    def _is_near(self, place: np.ndarray, seen: np.ndarray) -> bool:
-        return float(np.linalg.norm(place - seen)) <= self._p["basket_tolerance"]
+        return await self._until("", stood_back)
 
     # conditions: each returns what was waited for, or raises ValueError with what is missing
 
-    def _where_basket(self) -> np.ndarray:
-        return basket_at_rest(self._tracked.log, self._tracked.newest_ns)
+    def _check_clear(self) -> bool:
+        self._bodies.check_clear()
+        return True
 
-    def _basket_at(self, target: np.ndarray) -> np.ndarray:
-        seen = self._where_basket()
-        x, y, z = target - seen
-        if not self._is_near(target, seen):
-            raise ValueError(
-                f"the basket is seen elsewhere: move it by x {x:+.2f}, y {y:+.2f}, z {z:+.2f} m"
-            )
-        return seen
-
-    def _check_ball(self, seat: np.ndarray) -> bool:
+    def _check_set_off(self, places: Poses) -> bool:
         self._check_held()
-        check_ball_in_hand(
-            self._tracked.log, self._tracked.newest_ns, seat, self._p["seat_tolerance"]
-        )
+        self._bodies.check_set_off(places)
         return True
 
     def _check_heard(self, since_ns: int) -> bool:
         if not self._has_heard(since_ns):
             raise ValueError(
-                "no state of the arm has come on /joint_states since it was thrown with: is its"
-                " driver running?"
+                f"no state of the arm has come on /joint_states since the last {self._trial}: is"
+                " its driver running?"
             )
         return True
 
-    def _check_held(self) -> None:
+    def _check_held(self) -> bool:
         if not self._heard:
             raise ValueError("nothing has come on /joint_states: is the arm's driver running?")
         state = self._state()
@@ -238,6 +256,7 @@ class PersonAtTheArm:
             )
         if np.abs(state.velocity).max() > AT_REST:
             raise ValueError("the arm still moves")
+        return True
 
     def _has_heard(self, since_ns: int) -> bool:
         """Whether a state of the arm has come that is not older than a stamp [ns]."""
@@ -253,7 +272,7 @@ class PersonAtTheArm:
     def _check_at(self, posture: np.ndarray) -> bool:
         self._check_held()
         if not self._is_at(posture):
-            raise ValueError("the arm is not where the throw begins: was it stopped?")
+            raise ValueError(f"the arm is not {self._begin}: was it stopped?")
         return True
 
     async def _until(self, text: str, condition: Callable, limit: float | None = None):

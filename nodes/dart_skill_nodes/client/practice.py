@@ -12,8 +12,9 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 
 from dart_skill.arm import Grip
+from dart_skill.common.situation import Situation as BodySituation
 from dart_skill.skills.observation import ARRIVAL_NS
-from dart_skill.skills.practice import target_choice_of
+from dart_skill.skills.practice import Poses, target_choice_of
 from dart_skill.skills.protocol import Skill
 from dart_skill_nodes.client.person import PersonAtTheArm
 from dart_skill_nodes.client.service_calls import PATIENCE, RecorderCalls, ServiceCalls
@@ -123,15 +124,24 @@ class Practising:
             raise GraphFailure(f"{self._plan.service_name}: {response.message}")
         return response
 
+    async def _why_in_vain(self, situation: Situation) -> str:
+        """Why a trial in a situation would be in vain; empty if it would not."""
+        try:
+            for role, pose in self._asked(situation).poses.items():
+                self._skill.check_seen(role, pose)
+        except ValueError as error:
+            return str(error)
+        planned = await self._plan_for(situation)
+        return "" if planned.success else planned.message
+
     async def _one_trial(self, number: int, situation: Situation | None) -> None:
         """situation: in which bodies are put; None: as they are seen."""
         if self._person and situation is not None:
-            # before a person carries a basket there
-            planned = await self._plan_for(situation)
-            if not planned.success:
+            # before a person carries a body there
+            if why := await self._why_in_vain(situation):
                 frame_id = self._p["frame_id"]
                 unseen = conversions.unseen_outcome_msg(situation, self._skill.name, frame_id)
-                self._tell(number, unseen, self._not_made(number, situation, planned.message))
+                self._tell(number, unseen, self._not_made(number, situation, why))
                 return
         prepare = self._prepare_with_person if self._person else self._prepare_in_simulation
         situation, stamp = await prepare(number, situation)
@@ -154,7 +164,7 @@ class Practising:
         if self._person:
             if not is_made:
                 # a person should look at the arm before it moves again
-                raise GraphFailure(f"throw {number}: {made.message}")
+                raise GraphFailure(f"{self._thing} {number}: {made.message}")
             told_ns = conversions.stamp_ns(made.outcome.header.stamp)
             await self._person.bring(np.array(made.plan.start_posture), told_ns)
 
@@ -202,24 +212,31 @@ class Practising:
     async def _prepare_with_person(
         self, number: int, situation: Situation | None
     ) -> tuple[Situation, Time]:
-        """The same when a person has put basket and ball to their places, and the arm is where the
-        throw begins.
+        """The same when a person has put the bodies to their places, and the arm is where the trial
+        begins.
         """
         self._person.ask = partial(self._ask, number)
-        while True:
-            target = None if situation is None else conversions.target_of(situation)
-            place = await self._person.basket(target)
-            planned = await self._plan_for(conversions.at_place(place))
+        asked = BodySituation({}) if situation is None else self._asked(situation)
+        ready = None
+        while ready is None:
+            places = await self._person.stand(asked.poses)
+            planned = await self._plan_for(self._as_seen(places, asked))
             if not planned.success:
-                await self._person.another_basket(place, planned.message)
+                await self._person.stand_elsewhere(places, planned.message)
                 continue
             await self._person.bring(np.array(planned.plan.start_posture))
-            seat = conversions.place_of(planned.held, "ball", "the learner")
-            if await self._person.ball(seat, place):
-                break
+            held, role = conversions.situation(planned.held, "the learner"), self._skill.in_hand
+            ready = await self._person.ready(held.pose(role) if role else None, places)
         if not self._goal.request.only_execute:
             await self._recorder.start()
-        return conversions.at_place(place), Time()
+        return self._as_seen(ready, asked), Time()
+
+    def _as_seen(self, places: Poses, asked: BodySituation) -> Situation:
+        """The situation with the bodies at their places, as far as a plan depends on them, and the
+        numbers that are asked for.
+        """
+        poses = {role: pose for role, pose in places.items() if role in self._skill.situated}
+        return conversions.situation_msg(BodySituation(poses, asked.numbers))
 
     def _ask(self, number: int, text: str) -> None:
         """Tell the person what to do, wherever they look."""

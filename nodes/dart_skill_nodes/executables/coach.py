@@ -2,8 +2,8 @@
 where it is tried next.
 
 Action /practice. What it knows of a trial comes from the motion capture, through commander and
-recorder. In a simulated world it resets before each throw; with a real arm a person puts the ball
-into the hand, and the coach says when.
+recorder. In a simulated world it resets before each trial; with a real arm a person puts the bodies
+to their places, and the coach says when.
 """
 
 from contextlib import suppress
@@ -29,7 +29,7 @@ from dart_skill_nodes.process.parameters import declare, declare_bodies, skill_o
 
 
 class CoachNode(GuardedNode):
-    """Practice as an action: reset, or ask the person, throw, look, learn, and again."""
+    """Practice as an action: reset, or ask the person, execute, look, learn, and again."""
 
     def __init__(self):
         super().__init__("coach")
@@ -42,7 +42,9 @@ class CoachNode(GuardedNode):
         self._cameras = Cameras(self, pose_topic(self._name_of[self._skill.moves]))
         self._time, self._freezes = TimeOfTheArm(self), FreezeDetector()
         calls = ServiceCalls(self)
-        self._person = None if self.p["simulated"] else self._make_person(calls)
+        self._person = None
+        if not self.p["simulated"]:
+            self._person = PersonAtTheArm(self, self._skill, calls, self._name_of, self.p)
         self._practising = Practising(
             self,
             self._skill,
@@ -62,14 +64,6 @@ class CoachNode(GuardedNode):
         self._diagnostics = Diagnostics(
             self, lambda: (OK, "practising" if self._goal else "waiting", {})
         )
-
-    def _make_person(self, calls: ServiceCalls) -> PersonAtTheArm:
-        if not self._skill.practised_by_hand:
-            raise ValueError(
-                "with simulated:=false a person practises throws; let the skill"
-                f" '{self._skill.name}' be executed (/execute)"
-            )
-        return PersonAtTheArm(self, calls, self._name_of, self.p)
 
     def _on_goal(self, goal) -> GoalResponse:
         if self._goal is not None:
@@ -130,7 +124,7 @@ class CoachNode(GuardedNode):
             self._practising.sequence.cancel()
 
     def _check_no_simulator(self) -> None:
-        """Who was told that there is no simulator, and finds one, throws nothing: one of the two
+        """Who was told that there is no simulator, and finds one, executes nothing: one of the two
         is a mistake.
         """
         if self._practising.sequence.reset_client.service_is_ready():

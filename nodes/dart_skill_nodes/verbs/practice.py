@@ -104,7 +104,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where.add_argument(
         "--choose",
         action="store_true",
-        help="the coach chooses the baskets, where throws are worst",
+        help="the coach chooses where, throws at baskets where they are worst",
     )
     parser.add_argument(
         "--json", action="store_true", help="every throw as JSON on stdout instead of the table"
@@ -190,7 +190,9 @@ def practise_there(client: "GraphClient", options: argparse.Namespace) -> dict:
                 f"--{name} is for throws: the graph practises '{skill.name}', whose situations the"
                 " coach draws"
             )
-        result, made = practise(client, skill, options.throws)
+        # nobody carries bodies about beside a real arm unless they ask for it
+        follow = skill.looks and not options.choose and not client.is_simulated(PATIENCE)
+        result, made = practise(client, skill, options.throws, follow_basket=follow)
         trials = {"executed": int(result.executed), "trials": [one.to_json() for one in made]}
         return _told(result, result.message, "dart-skill execute", **trials)
     where = (

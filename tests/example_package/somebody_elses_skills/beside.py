@@ -20,6 +20,7 @@ class Beside(Skill):
 
     name = "beside"
     bodies = ("part", "holder")
+    in_hand = in_the_way = "part"
 
     def goal(self, situation: Situation) -> Pose:
         return situation.pose("holder").place(STANDS)

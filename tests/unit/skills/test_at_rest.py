@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.common.constants import UNTURNED
-from dart_skill.skills.observation import ThrowLog, basket_at_rest, check_ball_in_hand
+from dart_skill.common.situation import Pose
+from dart_skill.skills.observation import SensorLog, ThrowLog, at_rest, check_in_hand
 
 SEAT = np.array([0.004, -0.003, 0.11])
 HAND, TURN = np.array([-0.4, 0.2, 1.8]), Rotation.from_rotvec([0.4, -0.9, 0.3])
@@ -46,8 +47,9 @@ def seen(
 
 @pytest.mark.parametrize("noise", [0.0, 0.001, 0.005])
 def test_a_ball_in_the_hand_is_seen_there_by_cameras_as_noisy_as_they_may_be(noise):
-    check_ball_in_hand(seen(noise=noise), END_NS, SEAT, TOLERANCE)
-    assert basket_at_rest(seen(noise=noise), END_NS) == pytest.approx(BASKET, abs=0.005)
+    check_in_hand(seen(noise=noise), "ball", END_NS, Pose(SEAT), TOLERANCE)
+    basket = at_rest(seen(noise=noise), "basket", END_NS)
+    assert basket.position == pytest.approx(BASKET, abs=0.005)
 
 
 @pytest.mark.parametrize(
@@ -62,14 +64,31 @@ def test_a_ball_in_the_hand_is_seen_there_by_cameras_as_noisy_as_they_may_be(noi
 )
 def test_what_is_missing_is_said(log, why):
     with pytest.raises(ValueError, match=why):
-        check_ball_in_hand(log, END_NS, SEAT, TOLERANCE)
+        check_in_hand(log, "ball", END_NS, Pose(SEAT), TOLERANCE)
 
 
 def test_a_ball_that_was_seen_longer_ago_is_not_seen():
     with pytest.raises(ValueError, match="the ball is not seen"):
-        check_ball_in_hand(seen(), END_NS + 1_000_000_000, SEAT, TOLERANCE)
+        at_rest(seen(), "ball", END_NS + 1_000_000_000)
 
 
 def test_a_basket_that_is_carried_about_has_no_place_yet():
     with pytest.raises(ValueError, match="the basket moves"):
-        basket_at_rest(seen(basket=lambda t: [0.0, 0.2 * t, 0.0]), END_NS)
+        at_rest(seen(basket=lambda t: [0.0, 0.2 * t, 0.0]), "basket", END_NS)
+
+
+def test_how_a_body_is_turned_counts_where_it_is_seen():
+    """A quaternion and its negative are one orientation, and cameras give either."""
+    log, turned = SensorLog(("hand", "part")), Rotation.from_rotvec([0.0, 0.0, 0.2])
+    for k, stamp in enumerate(range(END_NS - 1_000_000_000, END_NS + 1, FRAME_NS)):
+        log.take("hand", stamp, HAND, TURN.as_quat())
+        quaternion = (-1) ** k * (TURN * turned).as_quat()
+        log.take("part", stamp, HAND + TURN.apply(SEAT), quaternion)
+    part = at_rest(log, "part", END_NS)
+    assert part.apart(Pose(HAND + TURN.apply(SEAT), (TURN * turned).as_quat())) == pytest.approx(
+        (0.0, 0.0), abs=1e-6
+    )
+    check_in_hand(log, "part", END_NS, Pose(SEAT), TOLERANCE)
+    quarter = Rotation.from_rotvec([0.0, 0.0, 0.2 - np.pi / 2]).as_quat()
+    with pytest.raises(ValueError, match="the part is turned by 90 degrees from how it was"):
+        check_in_hand(log, "part", END_NS, Pose(SEAT, quarter), TOLERANCE)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dart_skill.arm import DART, wam_description
-from dart_skill.common.situation import Situation
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.common.world import the_world
 from dart_skill.darts import as_target
 from dart_skill.recording import (
@@ -56,14 +56,14 @@ def test_what_is_no_aim_is_refused(darts, numbers, why):
 
 
 def test_a_board_that_is_seen_elsewhere_is_refused_with_the_remedy(darts):
-    darts.check_seen(np.array(darts.bull) + [0.0, 0.0, 0.01])
+    darts.check_seen("board", Pose(np.array(darts.bull) + [0.0, 0.0, 0.01]))
     with pytest.raises(
         ValueError,
         match=(
             r"0\.100 m from where config/world.yaml has its bull .*: hang it there, or say there"
         ),
     ):
-        darts.check_seen(np.array(darts.bull) + [0.0, 0.1, 0.0])
+        darts.check_seen("board", Pose(np.array(darts.bull) + [0.0, 0.1, 0.0]))
 
 
 def test_the_points_that_are_shown_are_all_over_the_board(darts):
