@@ -42,7 +42,8 @@ class CoachNode(GuardedNode):
         self._cameras = Cameras(self, pose_topic(self._name_of[self._skill.moves]))
         self._time, self._freezes = TimeOfTheArm(self), FreezeDetector()
         calls = ServiceCalls(self)
-        self._person = None if self.p["simulated"] else self._make_person(calls)
+        by_hand = not self.p["simulated"] and self._skill.practised_by_hand
+        self._person = PersonAtTheArm(self, calls, self._name_of, self.p) if by_hand else None
         self._practising = Practising(
             self,
             self._skill,
@@ -63,14 +64,6 @@ class CoachNode(GuardedNode):
             self, lambda: (OK, "practising" if self._goal else "waiting", {})
         )
 
-    def _make_person(self, calls: ServiceCalls) -> PersonAtTheArm:
-        if not self._skill.practised_by_hand:
-            raise ValueError(
-                "with simulated:=false a person practises throws; let the skill"
-                f" '{self._skill.name}' be executed (/execute)"
-            )
-        return PersonAtTheArm(self, calls, self._name_of, self.p)
-
     def _on_goal(self, goal) -> GoalResponse:
         if self._goal is not None:
             self.get_logger().warning("practice is refused: there is practice under way")
@@ -86,6 +79,7 @@ class CoachNode(GuardedNode):
         self._client = subscribers(self, "practice/_action/feedback")
         result, was_held = Practice.Result(), self._time.is_held
         try:
+            self._check_practised()
             if self._person:
                 self._check_no_simulator()
                 self._person.withdrawn = self._withdrawn
@@ -128,6 +122,16 @@ class CoachNode(GuardedNode):
             self._stopped = f"the coach was held up for {frozen:.1f} s"
         if self._stopped:
             self._practising.sequence.cancel()
+
+    def _check_practised(self) -> None:
+        """ValueError where nobody puts the bodies of the skill to their places. Such a graph runs
+        all the same: the skill is shown, learned and executed.
+        """
+        if not (self.p["simulated"] or self._person):
+            raise ValueError(
+                "with simulated:=false a person practises throws; let the skill"
+                f" '{self._skill.name}' be executed (/execute)"
+            )
 
     def _check_no_simulator(self) -> None:
         """Who was told that there is no simulator, and finds one, throws nothing: one of the two
