@@ -121,3 +121,25 @@ def test_a_way_over_something_is_as_high_as_asked_and_ends_where_it_shall():
     assert rotations[-1] == pytest.approx(last[1])
     assert places[:, 2].max() == pytest.approx(1.35, abs=0.01)
     assert np.abs(np.diff(places, axis=0)).max() < 0.6 * PERIOD
+
+
+def test_a_hand_that_is_led_back_from_the_farthest_holder_keeps_its_joints_within_their_ranges(
+    bench,
+):
+    plant, person = bench
+    farthest = np.array(
+        [BENCH["reach"][1], 0.0, BENCH["table"] + BENCH["floor"] + BENCH["raised"]]
+    )
+    plant.stand(farthest)
+    joints = []
+
+    def watched(task):
+        for moment in task:
+            joints.append(plant.link_angles)
+            yield moment
+
+    seat = farthest + [0.0, 0.0, SIZE[2] / 2], np.eye(3)
+    guide(plant, person, watched(person.place(seat)), watched(person.lead_back()))
+    assert plant.scene.is_placed()
+    assert np.all(np.min(joints, axis=0) > published.LOWER + 0.05)
+    assert np.all(np.max(joints, axis=0) < published.UPPER - 0.05)

@@ -14,7 +14,8 @@ OVER_THE_PART = np.array([-0.7, 0.6, 0.0, 1.9, 0.0, 0.6416, 0.0])
 """The hand points down and is around the part on the table (7,) [rad]."""
 FOLLOWS = 6.0  # how fast what is left of the way is taken out: a person sees it [1/s]
 LIFT, ABOVE = 0.10, 0.07  # of the part over where it stood, and over where it goes [m]
-TAKEN_OUT, CLEAR = 0.06, 0.16  # of a part out of a holder, and of the hand over a part [m]
+# of a part out of a holder, and of the hand off a part; higher, J6 would come to its end [m]
+TAKEN_OUT, CLEAR = 0.06, 0.12
 CARRYING, LOWERING, BACK = 3.0, 2.5, 1.5  # durations of ways: the last of an empty hand [s]
 AIM = 0.0007  # of where the part is put in: what a person cannot see [m]
 UPPER_ARM = np.hypot(*published.DH[2, 1:])  # from the shoulder to the elbow [m]
@@ -100,7 +101,7 @@ class Placer(Person):
         """Lead the empty hand up, and over to above where the part shall stand."""
         yield from self.follow(self._staying(), {0: "open"}, rest=0.3)
         above = self._start[0] + [0.0, 0.0, CLEAR]
-        height = self._plant.pose("hand")[0][2] + CLEAR
+        height = self._plant.pose("hand")[0][2] + TAKEN_OUT
         yield from self._lead((above, self._start[1]), height)
 
     def bring_part(self):
