@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.foreign_arm.plant import PERIOD
+from tests.foreign_arm.arm import PERIOD
 
-BODIES = ("hand", "ball", "basket")
 FRAME_STEPS = 5  # of the plant: 100 Hz
 MARKER_SPREAD = (
     0.1  # of a body's markers, which makes noise of a direction of noise of a place [m]
@@ -61,17 +60,17 @@ def attitude(rotation):
 
 
 class Cameras:
-    """Looks at a plant at every step, and hands out the frames whose latency has passed."""
+    """Looks at bodies of a plant at every step, and hands out the frames whose latency has passed."""
 
-    def __init__(self, laboratory):
-        self._laboratory = laboratory
+    def __init__(self, laboratory, bodies):
+        self._laboratory, self._bodies = laboratory, bodies
         self._random = np.random.default_rng([laboratory.seed, 73])
         self._delay = round(laboratory.camera_latency / PERIOD)
         self._pending = deque()
         self.hidden = lambda body: False  # whether something stands before a body now
-        self.shift = {body: laboratory.registration_shift * self._direction() for body in BODIES}
+        self.shift = {body: laboratory.registration_shift * self._direction() for body in bodies}
         self.turn = {
-            body: turned_by(laboratory.registration_turn * self._direction()) for body in BODIES
+            body: turned_by(laboratory.registration_turn * self._direction()) for body in bodies
         }
 
     def _direction(self):
@@ -88,10 +87,10 @@ class Cameras:
     def look(self, plant):
         """Sightings that arrive at this step of the plant."""
         if plant.steps % FRAME_STEPS == 0:
-            arrives = [self._random.random() >= self._laboratory.camera_loss for _ in BODIES]
+            arrives = [self._random.random() >= self._laboratory.camera_loss for _ in self._bodies]
             seen = [
                 body
-                for body, whole in zip(BODIES, arrives, strict=True)
+                for body, whole in zip(self._bodies, arrives, strict=True)
                 if whole and not self.hidden(body)
             ]
             self._pending.extend(self._see(plant, body) for body in seen)

@@ -13,10 +13,9 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
 from tests.foreign_arm import published
-from tests.foreign_arm.cameras import BODIES, FRAME_STEPS, Cameras
+from tests.foreign_arm.arm import PERIOD, NominalArm
+from tests.foreign_arm.cameras import FRAME_STEPS, Cameras
 from tests.foreign_arm.laboratory import Laboratory
-from tests.foreign_arm.person import COCKED, Person
-from tests.foreign_arm.plant import PERIOD, NominalArm, Plant
 
 FRAME = "world"
 WATCHDOG = 0.05  # age of a command at which the arm is stopped [s]
@@ -29,6 +28,8 @@ PATIENCE = 5.0  # lockstep: wall-clock time after which a state counts as not an
 # after it [s]
 LATEST = 0.01
 STATES = QoSProfile(depth=1000)  # reliable: 2 s
+GRIPS = {"open": WamCommand.GRIP_OPEN, "close": WamCommand.GRIP_CLOSE}
+"""What a person tells the hand with a button."""
 # of the joint states: a driver may have more, in an order of its own
 NAMES = [
     "bhand_spread",
@@ -52,13 +53,12 @@ class Driver(Node):
     starves it, it would lose frames of a world that runs ahead.
     """
 
-    def __init__(self, executor, laboratory, lockstep=True):
+    def __init__(self, executor, plant, person, lockstep=True):
         super().__init__("foreign_wam_driver")
         executor.add_node(self)
         self._executor, self._lockstep = executor, lockstep
-        self.plant = Plant(laboratory, COCKED)
-        self.person = Person(laboratory, self.plant)
-        self.cameras = Cameras(laboratory)
+        self.plant, self.person = plant, person
+        self.cameras = Cameras(plant.laboratory, plant.tracked)
         self._nominal = NominalArm(Laboratory.quiet())
         self._command, self._command_step = None, 0
         self.answered, self.unanswered, self.late = 0, 0, 0
@@ -66,15 +66,15 @@ class Driver(Node):
         self.lags = []
         self.stops, self._stopped = 0, True
         self.tells_button = (
-            True  # say with every frame of the cameras that the button is not pressed, too
+            True  # say with every frame of the cameras that no button is pressed, too
         )
-        self.openings = []  # stamps of commands that open the hand, and of the button [ns]
+        self.openings = []  # stamps of commands that open the hand, and of its button [ns]
         sensors = STATES if lockstep else qos_profile_sensor_data
         self._state_publisher = self.create_publisher(JointState, "/joint_states", sensors)
         self._button_publisher = self.create_publisher(WamCommand, "/wam/teacher_wrench", STATES)
         self._pose_publishers = {
             body: self.create_publisher(PoseStamped, f"/vrpn_mocap/{body}/pose", sensors)
-            for body in BODIES
+            for body in plant.tracked
         }
         self.create_subscription(WamCommand, "/wam/command", self._take, STATES)
         self._begin = time.time_ns()
@@ -88,11 +88,14 @@ class Driver(Node):
             )
             return
         self._command, self._command_step = message, self.plant.steps
-        if message.grip == WamCommand.GRIP_OPEN:
-            self.openings.append(nanoseconds(message.header.stamp))
+        self._tell_hand(message.grip, nanoseconds(message.header.stamp))
+
+    def _tell_hand(self, grip, stamp_ns):
+        if grip == WamCommand.GRIP_OPEN:
+            self.openings.append(stamp_ns)
             self.plant.hand.open(self.plant.time)
-        elif message.grip == WamCommand.GRIP_CLOSE:
-            self.plant.hand.close()
+        elif grip == WamCommand.GRIP_CLOSE:
+            self.plant.hand.close(self.plant.time)
 
     def stamp(self, step):
         """The stamp of a step of the plant."""
@@ -115,7 +118,7 @@ class Driver(Node):
         attitude.x, attitude.y, attitude.z, attitude.w = sighting.attitude.tolist()
         self._pose_publishers[sighting.body].publish(message)
 
-    def _publish_button(self, grip=WamCommand.GRIP_OPEN):
+    def _publish_button(self, grip):
         message = WamCommand(grip=grip)
         message.header.stamp, message.header.frame_id = self.stamp(self.plant.steps), FRAME
         self._button_publisher.publish(message)
@@ -187,10 +190,10 @@ class Driver(Node):
         else:
             self._wait_for_clock()
         pushes, carried = self.person.act()
-        if self.person.presses:
-            self.openings.append(nanoseconds(self.stamp(self.plant.steps)))
-            self._publish_button()
-            self.plant.hand.open(self.plant.time)
+        if self.person.tells:
+            grip = GRIPS[self.person.tells]
+            self._publish_button(grip)
+            self._tell_hand(grip, nanoseconds(self.stamp(self.plant.steps)))
         elif self.tells_button and self.plant.steps % FRAME_STEPS == 0:
             self._publish_button(WamCommand.GRIP_UNSPECIFIED)
         self.plant.step(self._torque(), pushes, carried)

@@ -4,7 +4,6 @@ rclpy node while the driver goes on.
 
 import json
 import os
-import re
 import signal
 import subprocess
 import tempfile
@@ -13,11 +12,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 from dart_skill_msgs.action import Execute, Practice
 from dart_skill_msgs.msg import Situation
 from dart_skill_msgs.srv import DropDemonstration, Learn, ListDemonstrations, StopDemonstration
-from geometry_msgs.msg import Point, Pose
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
@@ -49,11 +46,6 @@ SERVICES = {
 }
 
 
-def basket_at(x, y, z):
-    """The situation of a throw: where the centre of the rim is [m]."""
-    return Situation(bodies=["basket"], poses=[Pose(position=Point(x=x, y=y, z=z))])
-
-
 @contextmanager
 def running(command, log):
     """A process with its output in a file, which is ended as by Ctrl-C."""
@@ -79,16 +71,17 @@ def running(command, log):
                 process.wait()
 
 
-def hardware_graph(folder):
-    """The hardware layout, until the end of the context; its log and the bag of demonstrations are
-    in the folder.
+def hardware_graph(folder, skill):
+    """The hardware layout for a skill, until the end of the context; its log and the bag of
+    demonstrations are in the folder.
     """
     # a machine that is busy holds up this laboratory for longer than 0.5 s
     settings = (
         "coach.stand_back=1.0",
         "commander.states_timeout=20.0",
     )
-    command = ["dart-skill", "up", "--layout", "hardware", "--output", str(folder / "up")]
+    command = ["dart-skill", "up", "--layout", "hardware", "--skill", skill]
+    command += ["--output", str(folder / "up")]
     command += [word for setting in settings for word in ("--set", setting)]
     return running(command, folder / "up.log")
 
@@ -101,7 +94,7 @@ class Outsider(Node):
         executor.add_node(self)
         self.driver, self.recorder = driver, RECORDERS[0]
         self._calls = {name: self.create_client(kind, name) for name, kind in SERVICES.items()}
-        self._throw = ActionClient(self, Execute, "/execute")
+        self._execute = ActionClient(self, Execute, "/execute")
         self._practice = ActionClient(self, Practice, "/practice")
         self.create_subscription(
             Practice.Impl.FeedbackMessage, "/practice/_action/feedback", self._hear, 50
@@ -112,11 +105,11 @@ class Outsider(Node):
             False,
         )
 
-    def wait_for_graph(self, limit=LIMIT):
+    def wait_for_graph(self, graph, limit=LIMIT):
         """Until every service and the action are there, and a second longer: a server may find its
-        client later.
+        client later. graph: its process, which must not end.
         """
-        actions = (self._throw, self._practice)
+        actions = (self._execute, self._practice)
         there = [
             client for name, client in self._calls.items() if not name.startswith(RECORDERS[1])
         ]
@@ -124,7 +117,12 @@ class Outsider(Node):
             *(client.service_is_ready for client in there),
             *(action.server_is_ready for action in actions),
         ]
-        self.driver.run_until(lambda: all(part() for part in parts), limit)
+
+        def has_ended():
+            return graph.poll() is not None
+
+        self.driver.run_until(lambda: has_ended() or all(part() for part in parts), limit)
+        assert not has_ended(), "the graph ended by itself: see its log"
         self.driver.run(1.0)
 
     def _wait(self, future, limit):
@@ -150,42 +148,29 @@ class Outsider(Node):
         self.driver.person.begin(*tasks)
         self.driver.run_until(lambda: not self.driver.person.busy, limit)
 
-    def teach(self, rim, keep=False):
-        """One guided throw at a basket (3,): whether it went in, and the recorder's answer to
-        ~/stop; misses are kept only with `keep`.
-        """
-        person = self.driver.person
-        self.driver.plant.place_basket(rim)
-        self.do(person.cock(rim), person.bring_ball(), person.wait(0.3))
+    def start(self):
+        """Begin a recording; a recorder that has just been started has not heard of everything yet."""
         for _ in range(100):
             started = self.call(f"{self.recorder}/start")
             if started.success:
                 break
-            # a recorder that has just been started has not heard of everything yet
             self.driver.run(0.1)
         assert started.success, started.message
-        self.do(person.throw(rim))
-        hit = person.in_basket(rim)
-        person.aim.learn(rim, person.landing)
-        return hit, self.stop(hit or keep)
 
     def stop(self, keep):
-        """End the recording of a throw with what was published up to now; the recorder's answer."""
+        """End a recording with what was published up to now; the recorder's answer."""
         until = self.driver.stamp(self.driver.plant.steps - 1)
         return self.call(
             f"{self.recorder}/stop", keep=keep, reason="" if keep else "missed", until=until
         )
 
-    def prepare(self, rim):
-        """The basket stands there (3,), the ball is in the hand."""
-        self.driver.plant.place_basket(rim)
-        self.do(self.driver.person.bring_ball())
-
-    def throw(self, rim, limit=120.0):
-        """The arm throws at a basket (3,); the result of the action."""
-        goal = Execute.Goal(situation=basket_at(*rim))
+    def execute(self, situation=None, limit=120.0):
+        """The arm does what it learned, in a situation or in that which the cameras see; the result
+        of the action.
+        """
+        goal = Execute.Goal(situation=situation or Situation())
         goal.header.frame_id = "world"
-        return self._act(self._throw, goal, limit)
+        return self._act(self._execute, goal, limit)
 
     def start_practice(self, limit=LIMIT, **goal):
         """The handle of a goal of the coach's, with a person who does nothing."""
@@ -255,18 +240,13 @@ class Outsider(Node):
 
     def _hear(self, message):
         feedback = message.feedback
-        if feedback.phase != "waiting":
-            return
-        self.asked.append(feedback.message)
-        if not self.helps or self.driver.person.busy:
-            return
-        if "put the ball into the hand" in feedback.message:
-            self.driver.person.begin(self.driver.person.bring_ball())
-        elif feedback.message.startswith("put the basket at"):
-            x, y, z = (
-                float(word) for word in re.findall(r"[xyz] (-?[0-9.]+)", feedback.message)[:3]
-            )
-            self.driver.plant.place_basket(np.array([x, y, z]))
+        if feedback.phase == "waiting":
+            self.asked.append(feedback.message)
+            if self.helps and not self.driver.person.busy:
+                self.help_with(feedback.message)
+
+    def help_with(self, asked):
+        """Do what the coach asks for, in words."""
 
     def _act(self, client, goal, limit):
         handle = self._wait(client.send_goal_async(goal), limit)

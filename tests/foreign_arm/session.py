@@ -1,6 +1,7 @@
-"""A laboratory and the hardware layout side by side, and lessons in it; the places of its baskets."""
+"""A laboratory and the hardware layout side by side, for one task."""
 
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import numpy as np
 import rclpy
@@ -10,48 +11,46 @@ from rclpy.signals import SignalHandlerOptions
 from tests.foreign_arm.driver import Driver
 from tests.foreign_arm.laboratory import Laboratory
 from tests.foreign_arm.outsider import Outsider, hardware_graph
-
-RIM = 0.40
-
-
-def rim(distance, azimuth):
-    """Centre of a basket's rim (3,) at a distance [m] and an azimuth [rad]."""
-    return np.array([distance * np.cos(azimuth), distance * np.sin(azimuth), RIM])
+from tests.foreign_arm.person import Person
+from tests.foreign_arm.plant import Plant, Scene
 
 
-LESSONS = [
-    rim(*place)
-    for place in ((1.6, -0.5), (2.1, -0.3), (1.85, 0.0), (1.55, 0.25), (2.15, 0.4), (1.8, 0.6))
-]
-TARGETS = [rim(*place) for place in ((1.8, -0.35), (2.0, 0.2), (1.7, 0.45))]
+@dataclass(frozen=True)
+class Task:
+    """What differs from one skill to the next.
+
+    Parameters
+    ----------
+    skill
+        Its name.
+    scene, person, outsider
+        What there is beside the arm, who guides it, and who sits at the terminal.
+    posture
+        In which the arm stands at the beginning (7,) [rad].
+    """
+
+    skill: str
+    scene: type[Scene]
+    person: type[Person]
+    outsider: type[Outsider]
+    posture: np.ndarray
 
 
 @contextmanager
-def session(folder, seed, lockstep):
+def session(folder, task, seed, lockstep):
     """A driver, somebody at a terminal, and the hardware layout beside them; the arm is free to be
     guided.
     """
+    laboratory = Laboratory.drawn(seed)
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
-        with hardware_graph(folder):
+        with hardware_graph(folder, task.skill) as graph:
             executor = SingleThreadedExecutor()
-            outsider = Outsider(executor, Driver(executor, Laboratory.drawn(seed), lockstep))
-            outsider.wait_for_graph()
+            plant = Plant(laboratory, task.posture, task.scene())
+            driver = Driver(executor, plant, task.person(laboratory, plant), lockstep)
+            outsider = task.outsider(executor, driver)
+            outsider.wait_for_graph(graph)
             assert outsider.call("/commander/release_arm", data=True).success
             yield outsider
     finally:
         rclpy.try_shutdown()
-
-
-def teach(outsider, places, attempts=3):
-    """One hit at each basket; the demonstrations that the recorder cut out."""
-    demonstrations = []
-    for place in places:
-        for _ in range(attempts):
-            hit, stopped = outsider.teach(place)
-            if hit:
-                break
-        assert hit, f"the person missed the basket at {place} {attempts} times"
-        assert stopped.success, stopped.message
-        demonstrations.append(stopped.demonstration)
-    return demonstrations

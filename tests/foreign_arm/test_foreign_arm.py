@@ -17,8 +17,16 @@ from dart_skill_msgs.action import Execute  # noqa: E402
 
 from dart_skill.recording import read_dropped  # noqa: E402
 from tests.foreign_arm import published  # noqa: E402
-from tests.foreign_arm.outsider import basket_at, running  # noqa: E402
-from tests.foreign_arm.session import LESSONS, TARGETS, rim, session, teach  # noqa: E402
+from tests.foreign_arm.outsider import running  # noqa: E402
+from tests.foreign_arm.session import session  # noqa: E402
+from tests.foreign_arm.throwing.lessons import (  # noqa: E402
+    LESSONS,
+    TARGETS,
+    THROW,
+    basket_at,
+    rim,
+    teach,
+)
 
 pytestmark = pytest.mark.slow
 HAND_DELAY_MS = 45.0
@@ -28,7 +36,7 @@ TOO_FAR = rim(3.0, 0.2)
 @pytest.fixture(scope="module")
 def lesson(tmp_path_factory):
     """A laboratory in lockstep, in which six throws were guided and learned from."""
-    with session(tmp_path_factory.mktemp("foreign"), seed=1, lockstep=True) as outsider:
+    with session(tmp_path_factory.mktemp("foreign"), THROW, seed=1, lockstep=True) as outsider:
         outsider.demonstrations = teach(outsider, LESSONS)
         outsider.pressed = list(outsider.driver.openings)  # those of misses, too
         outsider.hits = [opened_ns(one) for one in outsider.demonstrations]
@@ -108,7 +116,7 @@ def test_the_arm_practises_at_the_basket_that_the_cameras_see(lesson, throws):
     """A person puts the ball back when the coach asks for it; the arm goes back to where it
     starts, not where it came to rest.
     """
-    lesson.driver.plant.place_basket(TARGETS[0])
+    lesson.driver.plant.stand(TARGETS[0])
     result, said = lesson.type("dart-skill", "practice", "--running", "--throws", "1")
     assert (result["thrown"], result["learned"]) == (1, 1), said
     assert result["throws"][0]["error_m"] is not None and result["throws"][0]["error_m"] < 0.15, (
@@ -126,7 +134,7 @@ def test_the_arm_practises_at_the_basket_that_the_cameras_see(lesson, throws):
 
 def test_the_coach_says_where_a_basket_shall_stand_and_waits_for_it(lesson, throws):
     x, y, z = (round(float(value), 2) for value in TARGETS[2])
-    lesson.driver.plant.place_basket(TARGETS[1])
+    lesson.driver.plant.stand(TARGETS[1])
     result, said = lesson.type("dart-skill", "throw", "--at", str(x), str(y), str(z))
     assert (
         lesson.asked[0] == f"put the basket at x {x:.2f}, y {y:.2f}, with its rim at z {z:.2f} m"
@@ -147,7 +155,7 @@ def test_an_arm_that_was_stopped_does_not_go_on_by_itself(lesson, throws):
 
 def test_a_person_teaches_with_the_enter_key(lesson, throws):
     driver, person, place = lesson.driver, lesson.driver.person, LESSONS[4]
-    driver.plant.place_basket(place)
+    driver.plant.stand(place)
     acts = [
         lambda: lesson.do(person.cock(place), person.bring_ball(), person.wait(0.3)),
         lambda: lesson.do(person.throw(place), person.wait(0.3)),
@@ -159,25 +167,25 @@ def test_a_person_teaches_with_the_enter_key(lesson, throws):
 
 
 def test_where_no_plan_reaches_the_basket_it_is_asked_for_elsewhere(lesson, throws):
-    lesson.driver.plant.place_basket(TOO_FAR)
+    lesson.driver.plant.stand(TOO_FAR)
     with lesson.practising(trials=1, follow_bodies=True):
         lesson.until_asked("put the basket elsewhere")
         assert "m from the base axis; the demonstrations reach" in lesson.asked[-1]
-        lesson.driver.plant.place_basket(TARGETS[0])
+        lesson.driver.plant.stand(TARGETS[0])
         lesson.until_asked("the ball")
 
 
 def test_a_basket_that_is_carried_on_is_noticed_before_the_ball_is_there(lesson, throws):
-    lesson.driver.plant.place_basket(TARGETS[0])
+    lesson.driver.plant.stand(TARGETS[0])
     with lesson.practising(trials=1, follow_bodies=True):
         lesson.until_asked("the ball")
-        lesson.driver.plant.place_basket(TOO_FAR)
+        lesson.driver.plant.stand(TOO_FAR)
         lesson.until_asked("put the basket elsewhere")
 
 
 def test_a_target_without_a_plan_costs_one_throw_and_nobody_carries_a_basket_there(lesson, throws):
     targets = [basket_at(*place) for place in (TOO_FAR, TARGETS[0])]
-    lesson.driver.plant.place_basket(TARGETS[1])
+    lesson.driver.plant.stand(TARGETS[1])
     with lesson.practising(situations=targets, only_execute=True) as practice:
         lesson.until_asked("")
         x, y, z = TARGETS[0]
@@ -192,7 +200,7 @@ def test_a_target_without_a_plan_costs_one_throw_and_nobody_carries_a_basket_the
 def test_nothing_is_thrown_while_the_ball_is_not_in_the_hand(lesson, throws):
     """Nor does the arm, until practice is cancelled."""
     openings = len(lesson.driver.openings)
-    lesson.driver.plant.put_ball(np.array([1.0, 1.0, published.BALL_RADIUS]))
+    lesson.driver.plant.put(np.array([1.0, 1.0, published.BALL_RADIUS]))
     with lesson.practising(trials=1, follow_bodies=True) as practice:
         lesson.until_asked("from its place in the hand")
     assert (practice.result.executed, practice.result.message) == (0, "cancelled")

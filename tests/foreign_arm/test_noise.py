@@ -15,9 +15,10 @@ pytest.importorskip(
 )
 
 from tests.foreign_arm import published  # noqa: E402
+from tests.foreign_arm.arm import PERIOD  # noqa: E402
 from tests.foreign_arm.cameras import attitude  # noqa: E402
-from tests.foreign_arm.person import Aim, Way, minimum_jerk, swing_angles  # noqa: E402
-from tests.foreign_arm.plant import PERIOD  # noqa: E402
+from tests.foreign_arm.person import Way, minimum_jerk  # noqa: E402
+from tests.foreign_arm.throwing.person import Aim, ball_on, swing_angles  # noqa: E402
 
 BASKET = np.array([1.8, 0.4, 0.40])
 RESISTANCE = 0.02  # of the ball over its mass [1/m]
@@ -67,7 +68,7 @@ def guided_throw(longer):
     free = 500 + len(swing) // 2
     held = way.hand + way.attitude @ published.BALL_CENTRE
     ball = held.copy()
-    ball[free:-1000] = flight(*way.ball(free), len(angles) - free - 1000)
+    ball[free:-1000] = flight(*ball_on(way, free), len(angles) - free - 1000)
     ball[-1000:] = ball[-1001] + minimum_jerk(1000)[:, None] * (held[-1] - ball[-1001])
     return angles, ball, free - round(0.045 / PERIOD)
 

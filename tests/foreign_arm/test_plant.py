@@ -15,17 +15,20 @@ pytest.importorskip(
 import mujoco  # noqa: E402
 
 from tests.foreign_arm import published  # noqa: E402
-from tests.foreign_arm.cameras import BODIES, Cameras  # noqa: E402
+from tests.foreign_arm.arm import PERIOD, SHOULDER, Encoders, Motors, NominalArm  # noqa: E402
+from tests.foreign_arm.cameras import Cameras  # noqa: E402
 from tests.foreign_arm.laboratory import Laboratory  # noqa: E402
-from tests.foreign_arm.person import COCKED, Aim, Person, Way, fall, swing_angles  # noqa: E402
-from tests.foreign_arm.plant import (
-    PERIOD,
-    SHOULDER,
-    Encoders,
-    Motors,
-    NominalArm,
-    Plant,
-)  # noqa: E402
+from tests.foreign_arm.person import Way  # noqa: E402
+from tests.foreign_arm.plant import Plant  # noqa: E402
+from tests.foreign_arm.throwing.person import (  # noqa: E402
+    COCKED,
+    Aim,
+    Thrower,
+    ball_on,
+    fall,
+    swing_angles,
+)
+from tests.foreign_arm.throwing.scene import BallScene  # noqa: E402
 
 AWAY = np.array([3.0, 0.0, published.BALL_RADIUS])
 POSES = {
@@ -36,6 +39,11 @@ POSES = {
     "elbow at a right angle": ([0, 0, 0, np.pi / 2, 0, 0, 0], [0.4059, 0.0, 0.595]),
 }
 """Published postures (7,) [rad], and the tool plate from the shoulder's centre (3,) [m]."""
+
+
+def with_ball(laboratory, posture=COCKED):
+    """The arm with a ball in its hand."""
+    return Plant(laboratory, posture, BallScene())
 
 
 def hold(plant, nominal, duration, pushes=(), each=lambda: None):
@@ -77,15 +85,15 @@ def test_gravity_compensation_is_the_torque_that_the_table_gives(nominal):
 
 def test_a_quiet_arm_stays_where_gravity_compensation_holds_it(nominal):
     """The ball has next to no mass: gravity compensation knows none."""
-    plant = Plant(dataclasses.replace(Laboratory.quiet(), ball_mass=0.002), COCKED)
+    plant = with_ball(dataclasses.replace(Laboratory.quiet(), ball_mass=0.002))
     hold(plant, nominal, 0.5)
     assert plant.link_angles[:6] == pytest.approx(COCKED[:6], abs=0.02)
 
 
 def test_energy_is_conserved_without_friction():
-    plant = Plant(Laboratory.quiet(), [0.3, 0.8, 0.2, 0.9, 0.1, 0.3, 0.0])
-    plant.put_ball(AWAY)
-    plant.hand.act = lambda now: 0.0
+    plant = with_ball(Laboratory.quiet(), [0.3, 0.8, 0.2, 0.9, 0.1, 0.3, 0.0])
+    plant.put(AWAY)
+    plant.scene.knuckle_torque = lambda now: 0.0
     for name in ("knuckle1", "knuckle2", "knuckle3"):
         address = plant.model.joint(name).dofadr[0]
         # fingers hardly move
@@ -106,8 +114,8 @@ def test_energy_is_conserved_without_friction():
 
 def test_stiction_holds_the_arm_until_it_is_overcome():
     laboratory = dataclasses.replace(Laboratory.quiet(), coulomb=published.COULOMB, stiction=1.3)
-    plant = Plant(laboratory, np.zeros(7))
-    plant.put_ball(AWAY)
+    plant = with_ball(laboratory, np.zeros(7))
+    plant.put(AWAY)
     moved = []
     for share in (1.1, 1.5):
         start = plant.link_angles[0]
@@ -147,7 +155,7 @@ def test_drives_give_way_under_load_and_encoders_do_not_see_it(nominal):
     laboratory = dataclasses.replace(
         Laboratory.quiet(), stiffness=Laboratory.drawn(3).stiffness, viscous=published.VISCOUS
     )
-    plant = Plant(laboratory, COCKED)
+    plant = with_ball(laboratory)
     hold(plant, nominal, 0.3)
     sag = plant.link_angles - plant.motor_angles
     nominal.take(plant.motor_angles)
@@ -157,9 +165,9 @@ def test_drives_give_way_under_load_and_encoders_do_not_see_it(nominal):
 
 @pytest.mark.parametrize("drag", [0.0, 0.55])
 def test_a_free_ball_flies_on_a_parabola_with_drag(drag):
-    plant = Plant(dataclasses.replace(Laboratory.quiet(), drag_coefficient=drag), COCKED)
+    plant = with_ball(dataclasses.replace(Laboratory.quiet(), drag_coefficient=drag))
     start, velocity = np.array([1.0, 0.0, 2.0]), np.array([2.5, 0.3, 2.0])
-    plant.put_ball(start, velocity)
+    plant.put(start, velocity)
     for _ in range(300):
         plant.step(np.zeros(7))
     place = plant.pose("ball")[0]
@@ -172,9 +180,9 @@ def test_a_free_ball_flies_on_a_parabola_with_drag(drag):
 
 
 def test_a_ball_falls_onto_the_floor_and_into_the_basket():
-    plant = Plant(Laboratory.quiet(), COCKED)
+    plant = with_ball(Laboratory.quiet())
     for place, height in ((np.array([1.0, 0.5]), 0.0), (np.array([2.0, 0.0]), 0.05)):
-        plant.put_ball([*place, 0.8])
+        plant.put([*place, 0.8])
         for _ in range(500):
             plant.step(np.zeros(7))
         assert plant.pose("ball")[0][:2] == pytest.approx(place, abs=0.05)
@@ -183,13 +191,13 @@ def test_a_ball_falls_onto_the_floor_and_into_the_basket():
 
 def swing(plant, nominal, rim, each=lambda: None):
     """A guided throw at a basket (3,); where it came down (3,) and the fastest hand [m/s]."""
-    person = Person(plant.laboratory, plant)
-    plant.place_basket(rim)
+    person = Thrower(plant.laboratory, plant)
+    plant.stand(rim)
     person.begin(person.cock(rim, duration=0.5), person.throw(rim))
     fastest = 0.0
     while person.busy:
         pushes, carried = person.act()
-        if person.presses:
+        if person.tells:
             plant.hand.open(plant.time)
         nominal.take(plant.encoders.angles)
         plant.step(nominal.gravity(), pushes, carried)
@@ -201,14 +209,14 @@ def swing(plant, nominal, rim, each=lambda: None):
 @pytest.mark.parametrize("seed", [None, 1, 2])
 def test_closed_fingers_hold_the_ball_through_a_swing_and_let_it_go_when_told(nominal, seed):
     laboratory = Laboratory.quiet() if seed is None else Laboratory.drawn(seed)
-    plant, told, slips, left = Plant(laboratory, COCKED), [], [], []
+    plant, told, slips, left = with_ball(laboratory), [], [], []
 
     def note():
         if not plant.hand.told_to_open:
             slips.append(np.linalg.norm(plant.pose("ball")[0] - plant.grasp()))
         else:
             told.append(plant.time)
-            left.extend([plant.time] if plant.fingers_touch() else [])
+            left.extend([plant.time] if plant.scene.fingers_touch() else [])
 
     rim = np.array([1.8, 0.5, 0.4])
     person, fastest = swing(plant, nominal, rim, note)
@@ -219,18 +227,18 @@ def test_closed_fingers_hold_the_ball_through_a_swing_and_let_it_go_when_told(no
 
 
 def test_the_hand_lets_go_after_45_ms_give_or_take_6(nominal):
-    plant = Plant(Laboratory.drawn(5), COCKED)
+    plant = with_ball(Laboratory.drawn(5))
     delays = []
     for _ in range(12):
-        plant.hand.close()
+        plant.hand.close(plant.time)
         for _ in range(100):
-            plant.put_ball(plant.grasp())
+            plant.put(plant.grasp())
             hold(plant, nominal, PERIOD)
         plant.hand.open(plant.time)
         told = left = plant.time
         for _ in range(60):
             hold(plant, nominal, PERIOD)
-            left = plant.time if plant.fingers_touch() else left
+            left = plant.time if plant.scene.fingers_touch() else left
         delays.append(left - told)
     assert np.mean(delays) == pytest.approx(0.045, abs=0.006)
     assert 0.002 < np.std(delays) < 0.012
@@ -243,27 +251,28 @@ def test_a_swing_keeps_within_speeds_of_the_joints_and_throws_up_at_three_to_fou
         speeds = np.abs(np.gradient(angles, PERIOD, axis=0)).max(axis=0)
         assert np.all(speeds < 0.8 * np.array([2.386, 3.548, 5.960, 5.568, 19.83, 19.83, 38.11]))
         assert np.all((published.LOWER + 0.2 < angles) & (angles < published.UPPER - 0.2))
-        _, velocity = Way.through(angles).ball(len(angles) // 2)
+        _, velocity = ball_on(Way.through(angles), len(angles) // 2)
         assert 2.8 < np.linalg.norm(velocity) < 4.0
         assert 20.0 < np.rad2deg(np.arctan2(velocity[2], velocity[0])) < 45.0
 
 
 def test_a_person_puts_the_ball_back_into_the_hand(nominal):
-    plant = Plant(Laboratory.drawn(4), COCKED)
-    plant.put_ball([1.9, 0.2, 0.1])
-    person = Person(plant.laboratory, plant)
+    plant = with_ball(Laboratory.drawn(4))
+    plant.put([1.9, 0.2, 0.1])
+    person = Thrower(plant.laboratory, plant)
     person.begin(person.bring_ball())
     while person.busy:
         pushes, carried = person.act()
         nominal.take(plant.encoders.angles)
         plant.step(nominal.gravity(), pushes, carried)
-    assert plant.fingers_touch() == 3
+    assert plant.scene.fingers_touch() == 3
     assert plant.pose("ball")[0] == pytest.approx(plant.grasp(), abs=0.002)
 
 
 def test_cameras_are_late_noisy_and_sometimes_blind():
     laboratory = Laboratory.drawn(6)
-    plant, cameras = Plant(laboratory, COCKED), Cameras(laboratory)
+    plant = with_ball(laboratory)
+    cameras = Cameras(laboratory, plant.tracked)
     nominal, seen = NominalArm(Laboratory.quiet()), []
     hold(
         plant,
@@ -275,7 +284,7 @@ def test_cameras_are_late_noisy_and_sometimes_blind():
     balls = np.array([sighting.place for _, sighting in seen if sighting.body == "ball"])
     assert 0.97 < len(seen) / (3 * 300) < 1.0
     assert balls[-50:].std(axis=0) == pytest.approx(np.full(3, laboratory.camera_noise), rel=0.4)
-    for body in BODIES:
+    for body in plant.tracked:
         assert np.linalg.norm(cameras.shift[body]) == pytest.approx(0.001)
 
 

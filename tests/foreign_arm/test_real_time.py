@@ -10,7 +10,8 @@ pytest.importorskip(
 import numpy as np  # noqa: E402
 from dart_skill_msgs.action import Execute  # noqa: E402
 
-from tests.foreign_arm.session import LESSONS, TARGETS, session, teach  # noqa: E402
+from tests.foreign_arm.session import session  # noqa: E402
+from tests.foreign_arm.throwing.lessons import LESSONS, TARGETS, THROW, teach  # noqa: E402
 
 LATE, FEW = 3, 0.01
 """Periods, and the share of commands that may come later: beyond, they come later than any arm's
@@ -32,7 +33,7 @@ def test_in_real_time_three_throws_are_guided_and_one_goes_into_a_basket(tmp_pat
     """A busy machine makes the plant's clock stand still now and then: the arm then has up to
     three throws.
     """
-    with session(tmp_path, seed=1, lockstep=False) as outsider:
+    with session(tmp_path, THROW, seed=1, lockstep=False) as outsider:
         outsider.driver.lags.clear()
         teach(outsider, LESSONS[1:2])
         if late_share(outsider) > FEW:

@@ -275,6 +275,9 @@ TYPED = {
     "dart-skill throw --model monday_model.npz": MODEL,
     "dart-skill up --layout hardware": ON_HARDWARE,
     "dart-skill up --layout hardware --record tuesday": ON_HARDWARE,
+    "dart-skill up --layout hardware --skill place": Elsewhere(
+        "foreign_arm/test_placing.py::test_the_arm_places_parts_into_holders_that_nobody_demonstrated"
+    ),
     "ros2 run dart_skill recorder --ros-args -p bag:=tuesday": Elsewhere(
         "integration/test_executables.py::test_starts_with_ros2_run_and_ends_on_sigint"
     ),

@@ -1,0 +1,1 @@
+"""What placing needs beside the arm: a part, a holder, a person who carries, and lessons."""
