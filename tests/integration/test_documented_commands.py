@@ -192,6 +192,7 @@ TYPED = {
     'python3 -m pytest tests/unit -k "spring and damper" -n 2': TESTS,
     "make test-oldest": MAKE,
     "python3 -m pytest tests/integration/test_strangers.py -x": TESTS,
+    "python3 -m pytest tests/foreign_arm/test_placing.py -s -k nine_of_ten": TESTS,
     "HYPOTHESIS_PROFILE=long python3 -m pytest tests/integration/test_fuzz.py": TESTS,
     "python3 -m tests.reference.results tests/reference/results.json": TESTS,
     "python3 tools/make_pictures.py view view_darts view_place view_reach view_by_mouse": PICTURES,
