@@ -105,13 +105,6 @@ def test_the_driver_stopped_the_arm_never(lesson):
     assert lesson.driver.stops == 0
 
 
-def test_the_coach_refuses_what_nobody_practises_by_hand_and_says_what_to_do(lesson):
-    with lesson.practising(trials=1, follow_bodies=True) as practice:
-        pass
-    assert not practice.result.success
-    assert "let the skill 'place' be executed" in practice.result.message
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_nine_of_ten_parts_are_placed_after_eight_demonstrations(tmp_path, seed):
