@@ -680,6 +680,9 @@ TYPED = {
     "dart-skill experiment figure 8.4.4 --teachers 20": Elsewhere(
         "unit/experiments/test_thesis.py::test_the_same_seed_gives_the_same_bytes_and_the_units_are_on_the_axes"
     ),
+    "dart-skill experiment figure place_strip --seed 3000": Run(
+        says="hand not seen", leaves="figures/place_strip.svg", slow=True
+    ),
     "dart-skill experiment figure correction": Run(says="margin", leaves="figures/correction.svg"),
     "dart-skill experiment figure landscape": Elsewhere(
         "unit/experiments/test_thesis.py::test_more_gaussians_model_a_landscape_better_but_one_says_less_than_none"
