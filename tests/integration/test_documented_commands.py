@@ -331,7 +331,7 @@ TYPED = {
         FULL_ROS
     ),
     "dart-skill experiment darts --arm fleet --first-seed 3000 --seeds 2 --throws 50 --again 30": Run(
-        "--seeds 1 --throws 1 --demonstrations 2 --again 5", says="allowed", slow=True
+        "--seeds 1 --throws 1 --demonstrations 2 --again 8", says="allowed", slow=True
     ),
     "dart-skill experiment darts --seeds 10 --throws 100 --jobs 2 --configuration intervals": Run(
         "--seeds 1 --throws 1 --demonstrations 2", says="on the board"

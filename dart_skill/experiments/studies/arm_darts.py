@@ -137,8 +137,8 @@ def run(
     return DartsRun(seed, practice, board.position, taught, tuple(darts), allowed=tuple(allowed))
 
 
-FEWEST_AGAIN = 5
-"""Least number of darts of one plan: a covariance and a mean have five numbers."""
+FEWEST_AGAIN = 6
+"""Least number of darts of one plan: more than the five numbers of a covariance and a mean."""
 
 
 def allowed_score(session: Session, skill: PractisingSkill, game: Darts, darts: int) -> float:

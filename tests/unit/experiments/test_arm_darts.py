@@ -611,7 +611,7 @@ def test_an_arm_of_the_fleet_throws_darts_and_knows_what_its_scatter_allows():
     """The scatter is larger than that of the ideal arm."""
     short = run(seed=3000, throws=3, demonstrations=3, arm="fleet", again=8)
     assert len(short.allowed) == 2 and all(5.0 < score < 40.0 for score in short.allowed)
-    with pytest.raises(ValueError, match="again is 2: give 0, or at least 5 darts"):
+    with pytest.raises(ValueError, match="again is 2: give 0, or at least 6 darts"):
         run(seed=3000, throws=3, demonstrations=3, again=2)
 
 
