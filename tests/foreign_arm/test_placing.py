@@ -21,6 +21,9 @@ from tests.foreign_arm.placing.lessons import PLACE, draw_holder, teach  # noqa:
 from tests.foreign_arm.session import session  # noqa: E402
 
 
+pytestmark = pytest.mark.slow
+
+
 @dataclass(frozen=True)
 class Placed:
     """One part that the arm placed.
@@ -105,7 +108,6 @@ def test_the_driver_stopped_the_arm_never(lesson):
     assert lesson.driver.stops == 0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_nine_of_ten_parts_are_placed_after_eight_demonstrations(tmp_path, seed):
     with learned(tmp_path, seed, shown=8) as (outsider, random):
