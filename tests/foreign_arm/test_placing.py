@@ -20,7 +20,6 @@ from dart_skill_msgs.action import Execute  # noqa: E402
 from tests.foreign_arm.placing.lessons import PLACE, draw_holder, teach  # noqa: E402
 from tests.foreign_arm.session import session  # noqa: E402
 
-
 pytestmark = pytest.mark.slow
 
 
