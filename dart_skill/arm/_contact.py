@@ -10,6 +10,8 @@ uncertainty", IROS 2001).
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 FELT_SHARE = 0.4
@@ -63,7 +65,7 @@ class ContactSearch:
         """What of a way (3,) is across the motion that is held back; all of it where none is."""
         return way if self._axis is None else way - (way @ self._axis) * self._axis
 
-    def too_hard(self, way: np.ndarray, compliance: np.ndarray) -> np.ndarray:
+    def too_hard(self, way: np.ndarray, compliance: Callable[[], np.ndarray]) -> np.ndarray:
         """What of the way (3,) that a hand that is held back is aimed ahead would press too hard: along
         the motion harder than a search shall, across it harder than the hand may; 0 where none is
         held back.
@@ -75,11 +77,11 @@ class ContactSearch:
         """
         if self._axis is None:
             return np.zeros(3)
-        across = self.across(way)
+        gives, across = compliance(), self.across(way)
         aside = across / max(float(np.linalg.norm(across)), 1e-9)
         parts = ((self._axis, PRESSES), (aside, 1.0))
         return sum(
-            max(way @ axis - share * self._force * (axis @ compliance @ axis), 0.0) * axis
+            max(way @ axis - share * self._force * (axis @ gives @ axis), 0.0) * axis
             for axis, share in parts
         )
 
@@ -91,7 +93,7 @@ class ContactSearch:
         wanted: np.ndarray,
         velocity: np.ndarray,
         carries: bool,
-        compliance: np.ndarray,
+        compliance: Callable[[], np.ndarray],
     ) -> float:
         """Rate of the plan's clock: 1 as planned, 0 while it is searched, -1 on the way back.
 
@@ -106,7 +108,8 @@ class ContactSearch:
         carries
             Whether the hand holds something.
         compliance
-            How far a force moves the hand, while the arm does the same, (3, 3) [m/N].
+            Tells how far a force moves the hand, while the arm does the same, (3, 3) [m/N]; asked
+            only of a hand that is behind.
         """
         if time < self._backs_until:
             return -1.0
@@ -128,15 +131,21 @@ class ContactSearch:
         return -1.0
 
     def _meets(
-        self, hand: np.ndarray, wanted: np.ndarray, velocity: np.ndarray, compliance: np.ndarray
+        self,
+        hand: np.ndarray,
+        wanted: np.ndarray,
+        velocity: np.ndarray,
+        compliance: Callable[[], np.ndarray],
     ) -> bool:
         """Whether a hand that was free is held back from now on."""
         speed = float(np.linalg.norm(velocity))
         if speed < SLOWEST:
             return False
         axis = velocity / speed
-        felt = FELT_SHARE * self._force * float(axis @ compliance @ axis)
-        if (wanted - hand) @ axis < max(felt, LEAST_FELT):
+        behind = (wanted - hand) @ axis
+        if behind < LEAST_FELT:
+            return False
+        if behind < FELT_SHARE * self._force * (axis @ compliance() @ axis):
             return False
         self._axis, self._met = axis, hand.copy()
         first = np.cross(self._axis, np.eye(3)[np.abs(self._axis).argmin()])

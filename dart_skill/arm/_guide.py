@@ -8,6 +8,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -228,7 +229,7 @@ class CarefulGuide(PlanGuide):
         planned = super().look(time - self._waited, hand, stamp_ns)
         velocity, carries = planned.reference.velocity[:3], planned.carries
         aim = planned.reference.position - seen.shift + self._contact.aside
-        compliance = self._compliance(planned.gains, carries)
+        compliance = partial(self._compliance, planned.gains, carries)
         rate = self._contact.rate(time, step, hand.position, aim, velocity, carries, compliance)
         if rate == 1.0 and self.plan.pace is None and self._hand_seen.is_lost(stamp_ns):
             rate = UNSEEN

@@ -24,7 +24,7 @@ def lowered(hole, seconds=15.0, carries=True, velocity=DOWN, play=0.003):
         hand = wanted.copy()
         if not (through or inside):
             hand[2] = max(hand[2], 0.0)
-        rate = search.rate(STEP * k, STEP, hand, wanted, velocity, carries, SOFT)
+        rate = search.rate(STEP * k, STEP, hand, wanted, velocity, carries, lambda: SOFT)
         rows.append((hand, wanted, rate))
         planned = planned + rate * STEP * velocity
         if search.fault:
@@ -60,10 +60,14 @@ def test_friction_at_the_rim_does_not_hold_what_a_soft_hand_carries(place):
     """
     friction, soft, search = 0.4, 3e-3, ContactSearch(FORCE)
     planned, hand = np.array([0.0, 0.0, 0.03]), np.array([0.0, 0.0, 0.03])
+
+    def gives():
+        return soft * np.eye(3)
+
     for k in range(round(10.0 / STEP)):
         wanted = planned + search.aside
-        rate = search.rate(STEP * k, STEP, hand, wanted, DOWN, True, soft * np.eye(3))
-        aim = wanted - search.too_hard(wanted - hand, soft * np.eye(3))
+        rate = search.rate(STEP * k, STEP, hand, wanted, DOWN, True, gives)
+        aim = wanted - search.too_hard(wanted - hand, gives)
         holds = friction * max(hand[2] - aim[2], 0.0) if hand[2] <= 0.0 else 0.0
         pull = aim[:2] - hand[:2]
         if (size := np.hypot(*pull)) > holds:
@@ -104,21 +108,24 @@ def test_a_hand_that_is_held_back_is_aimed_no_farther_than_the_force_allows():
     _, search = lowered(None, 2.0)
     assert search.touches
     np.testing.assert_allclose(
-        search.too_hard(np.array([0.03, 0.0, -0.03]), SOFT), [0.02, 0.0, -0.02375], atol=1e-12
+        search.too_hard(np.array([0.03, 0.0, -0.03]), lambda: SOFT),
+        [0.02, 0.0, -0.02375],
+        atol=1e-12,
     )
-    assert not search.too_hard(np.array([0.0, 0.0, -0.006]), SOFT).any()
-    assert not search.too_hard(np.array([0.0, 0.0, 0.03]), SOFT).any()
+    assert not search.too_hard(np.array([0.0, 0.0, -0.006]), lambda: SOFT).any()
+    assert not search.too_hard(np.array([0.0, 0.0, 0.03]), lambda: SOFT).any()
     np.testing.assert_allclose(
-        search.too_hard(np.array([0.008, -0.006, 0.0]), 1e-4 * np.eye(3)), [0.0064, -0.0048, 0.0]
+        search.too_hard(np.array([0.008, -0.006, 0.0]), lambda: 1e-4 * np.eye(3)),
+        [0.0064, -0.0048, 0.0],
     )
-    assert not ContactSearch(FORCE).too_hard(np.array([0.0, 0.0, -0.03]), SOFT).any()
+    assert not ContactSearch(FORCE).too_hard(np.array([0.0, 0.0, -0.03]), lambda: SOFT).any()
 
 
 def test_a_stiff_hand_that_is_late_is_not_held_back():
     """What 8 N ask of it is 0.8 mm: so late it is without any contact."""
     for behind, touches in ((0.0049, False), (0.0051, True)):
         search, aim = ContactSearch(FORCE), np.array([0.0, 0.0, -behind])
-        search.rate(0.0, STEP, np.zeros(3), aim, DOWN, True, 1e-4 * np.eye(3))
+        search.rate(0.0, STEP, np.zeros(3), aim, DOWN, True, lambda: 1e-4 * np.eye(3))
         assert search.touches == touches
 
 

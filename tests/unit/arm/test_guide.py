@@ -397,6 +397,15 @@ def test_a_careful_hand_that_is_held_back_waits_and_feels_around():
     assert touched[-1].reference.attractor_position[1:] != pytest.approx([0.1, 1.1])
 
 
+def test_a_hand_that_comes_along_does_not_ask_how_far_forces_move_it():
+    """The model was asked for its inertia at every state of every careful motion."""
+
+    def refuse(gains, carries):
+        raise AssertionError("asked")
+
+    looks(CarefulGuide(careful(), 0.05, None, 20.0, refuse), SPEED * TIME[:150])
+
+
 def test_a_plan_with_a_pace_of_its_own_waits_by_that():
     guide = CarefulGuide(careful(pace=by_place()), 0.05, **FEELS)
     said = looks(guide, np.full(200, 0.2))
