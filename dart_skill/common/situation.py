@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_vector
 from dart_skill.common.constants import UNTURNED
@@ -38,6 +39,14 @@ class Pose:
             )
         object.__setattr__(self, "position", position)
         object.__setattr__(self, "quaternion", quaternion / length)
+
+    @classmethod
+    def middle(cls, positions: ArrayLike, quaternions: ArrayLike) -> Pose:
+        """Median of places (n, 3) [m], with the mean of orientations (n, 4)."""
+        from scipy.spatial.transform import Rotation  # as in `_turn`
+
+        turned = Rotation.from_quat(np.asarray(quaternions)).mean().as_quat()
+        return cls(np.median(np.asarray(positions), axis=0), turned)
 
     @property
     def rotation(self) -> np.ndarray:

@@ -148,7 +148,7 @@ def _tried(arm: _Throwing | _Moving, situation: Situation, what: str, say: Say) 
     except ValueError as error:
         outcome = TaskOutcome(False, math.nan, str(error))
         result = TrialResult(situation, outcome, str(error))
-        became = f"no {arm.skill.words.trials.removesuffix('s')}: {error}"
+        became = f"no {arm.skill.words.trial}: {error}"
     say(f"{what}: {arm.skill.in_words(situation)}: {became}")
     return result
 

@@ -158,7 +158,7 @@ class Panel:
     @property
     def trial(self) -> str:
         """What a trial of the skill is called."""
-        return self._words.trials[:-1]
+        return self._words.trial
 
     # what it tells
 
@@ -333,7 +333,7 @@ class Panel:
         uplot = importlib.import_module("viser.uplot")
         point = {"show": True, "size": 6}
         of_kind = ((self._words.done, palette.SUCCESS), (self._words.failed, palette.FAILURE))
-        series = [uplot.Series(label=self._words.trials[:-1])]
+        series = [uplot.Series(label=self._words.trial)]
         for label, colour in of_kind:
             stroke = palette.hexadecimal(colour)
             series.append(
@@ -344,7 +344,7 @@ class Panel:
                     points={**point, "stroke": stroke, "fill": stroke},
                 )
             )
-        number = f"own {self._words.trials[:-1]}"
+        number = f"own {self._words.trial}"
         axes = (
             uplot.Axis(label=number, incrs=WHOLE_STEPS),
             uplot.Axis(label=f"error [{self._words.unit[0]}]"),

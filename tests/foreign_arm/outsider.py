@@ -252,3 +252,17 @@ class Outsider(Node):
         handle = self._wait(client.send_goal_async(goal), limit)
         assert handle.accepted
         return self._wait(handle.get_result_async(), limit).result
+
+
+def teach(outsider, situations, attempts=3):
+    """One success in each situation; the demonstrations that the recorder cut out."""
+    demonstrations = []
+    for situation in situations:
+        for _ in range(attempts):
+            succeeded, stopped = outsider.teach(situation)
+            if succeeded:
+                break
+        assert succeeded, f"the person failed {attempts} times at {situation}"
+        assert stopped.success, stopped.message
+        demonstrations.append(stopped.demonstration)
+    return demonstrations

@@ -17,7 +17,7 @@ from dart_skill_msgs.action import Execute  # noqa: E402
 
 from dart_skill.recording import read_dropped  # noqa: E402
 from tests.foreign_arm import published  # noqa: E402
-from tests.foreign_arm.outsider import running  # noqa: E402
+from tests.foreign_arm.outsider import running, teach  # noqa: E402
 from tests.foreign_arm.session import session  # noqa: E402
 from tests.foreign_arm.throwing.lessons import (  # noqa: E402
     LESSONS,
@@ -25,7 +25,6 @@ from tests.foreign_arm.throwing.lessons import (  # noqa: E402
     THROW,
     basket_at,
     rim,
-    teach,
 )
 
 pytestmark = pytest.mark.slow

@@ -17,7 +17,8 @@ pytest.importorskip(
 
 from dart_skill_msgs.action import Execute  # noqa: E402
 
-from tests.foreign_arm.placing.lessons import PLACE, draw_holder, teach  # noqa: E402
+from tests.foreign_arm.outsider import teach  # noqa: E402
+from tests.foreign_arm.placing.lessons import PLACE, draw_holder  # noqa: E402
 from tests.foreign_arm.session import session  # noqa: E402
 
 pytestmark = pytest.mark.slow

@@ -10,8 +10,9 @@ pytest.importorskip(
 import numpy as np  # noqa: E402
 from dart_skill_msgs.action import Execute  # noqa: E402
 
+from tests.foreign_arm.outsider import teach  # noqa: E402
 from tests.foreign_arm.session import session  # noqa: E402
-from tests.foreign_arm.throwing.lessons import LESSONS, TARGETS, THROW, teach  # noqa: E402
+from tests.foreign_arm.throwing.lessons import LESSONS, TARGETS, THROW  # noqa: E402
 
 LATE, FEW = 3, 0.01
 """Periods, and the share of commands that may come later: beyond, they come later than any arm's

@@ -59,11 +59,16 @@ def add_json(parser: argparse.ArgumentParser, text: str = "the table as JSON") -
     parser.add_argument("--json", action="store_true", help=text)
 
 
-def add_arms(parser: argparse.ArgumentParser) -> None:
-    """Add the first seed, and the arms of the seeds."""
+def add_first_seed(parser: argparse.ArgumentParser) -> None:
+    """Add `--first-seed`, beside a number of seeds."""
     parser.add_argument(
         "--first-seed", type=int, default=0, metavar="N", help="the first of them (default 0)"
     )
+
+
+def add_arms(parser: argparse.ArgumentParser) -> None:
+    """Add the first seed, and the arms of the seeds."""
+    add_first_seed(parser)
     parser.add_argument(
         "--arms",
         default="ideal",
@@ -93,9 +98,7 @@ def add_pose_skill(parser: argparse.ArgumentParser, tried: str, one: str) -> Non
         What a line of the JSON is about.
     """
     parser.add_argument("--seeds", type=positive, default=10, help="how many (default 10)")
-    parser.add_argument(
-        "--first-seed", type=int, default=0, metavar="N", help="the first of them (default 0)"
-    )
+    add_first_seed(parser)
     parser.add_argument(
         "--demonstrations", type=int, default=8, help="that are learned from (default 8)"
     )

@@ -7,7 +7,7 @@ from __future__ import annotations
 import argparse
 import json
 
-from dart_skill.cli.experiment._options import add_arm, add_batch, add_json
+from dart_skill.cli.experiment._options import add_arm, add_batch, add_first_seed, add_json
 from dart_skill.cli.run_options import add_configuration, folder
 from dart_skill.common.constants import BULL_DISTANCE, BULL_HEIGHT
 
@@ -32,9 +32,7 @@ def add_darts(experiments: argparse._SubParsersAction) -> None:
         metavar="N",
         help="so many seeds instead, as a table with a line for each",
     )
-    parser.add_argument(
-        "--first-seed", type=int, default=0, metavar="N", help="the first of them (default 0)"
-    )
+    add_first_seed(parser)
     add_arm(parser)
     parser.add_argument(
         "--jobs", type=int, default=1, help="processes at a time for several seeds (default 1)"

@@ -28,6 +28,8 @@ from dart_skill.skills.practice import PractisingSkill
 
 PRACTICE = {"none": ("none", False), "misses": ("residual", False), "both": ("residual", True)}
 """What is practised: nothing; what repeats in the misses; that, and when to let go."""
+FEWEST_AGAIN = 6
+"""Least number of darts of one plan: more than the five numbers of a covariance and a mean."""
 
 
 def darts_session(seed: int, board: Board | None = None, arm: str = "ideal") -> Session:
@@ -135,10 +137,6 @@ def run(
         session.close()
     taught = tuple((float(x), float(y)) for x, y in misses)
     return DartsRun(seed, practice, board.position, taught, tuple(darts), allowed=tuple(allowed))
-
-
-FEWEST_AGAIN = 6
-"""Least number of darts of one plan: more than the five numbers of a covariance and a mean."""
 
 
 def allowed_score(session: Session, skill: PractisingSkill, game: Darts, darts: int) -> float:

@@ -97,11 +97,7 @@ class LearnedSkill:
             skill.settings.grip_time,
             self.clock_end - 2.0 * skill.settings.step,
         )
-        starts = [one.situation.pose(HAND) for one in self.movements]
-        self.start = Pose(
-            np.median([one.position for one in starts], axis=0),
-            _mean_orientation([one.quaternion for one in starts]),
-        )
+        self.start = _middle([one.situation.pose(HAND) for one in self.movements])
         self._with_joints = [one for one in self.movements if len(one.joint_time)]
         if not self._with_joints:
             raise ValueError(
@@ -163,10 +159,7 @@ class LearnedSkill:
         if not role:
             return Situation({})
         shown = [one.situation for one in self.movements]
-        seen = [one.pose(HAND).sees(one.pose(role)) for one in shown]
-        place = np.median([one.position for one in seen], axis=0)
-        turned = _mean_orientation([one.quaternion for one in seen])
-        return Situation({role: Pose(place, turned)})
+        return Situation({role: _middle([one.pose(HAND).sees(one.pose(role)) for one in shown])})
 
     @cached_property
     def model_id(self) -> str:
@@ -348,10 +341,8 @@ def _in_words(told: Sequence[Grip]) -> str:
     return " and ".join(grip.name.lower() for grip in told) or "nothing"
 
 
-def _mean_orientation(quaternions: Sequence[np.ndarray]) -> np.ndarray:
-    from scipy.spatial.transform import Rotation  # throws do without
-
-    return Rotation.from_quat(np.array(quaternions)).mean().as_quat()
+def _middle(poses: Sequence[Pose]) -> Pose:
+    return Pose.middle([one.position for one in poses], [one.quaternion for one in poses])
 
 
 def _azimuths(positions: np.ndarray) -> np.ndarray:

@@ -37,12 +37,9 @@ def at_rest(log: SensorLog, role: str, until_ns: int) -> Pose:
     first, second = (np.median(some[:, :3], axis=0) for some in (rows[:half], rows[half:]))
     if np.linalg.norm(first - second) > STILL:
         raise ValueError(f"the {role} moves")
-    place = np.median(rows[:, :3], axis=0)
     if role not in log.turned:
-        return Pose(place)
-    turned = rows[:, 3:]
-    same = np.where(turned @ turned[-1] < 0.0, -1.0, 1.0)[:, None]  # q and -q are one orientation
-    return Pose(place, (same * turned).mean(axis=0))
+        return Pose(np.median(rows[:, :3], axis=0))
+    return Pose.middle(rows[:, :3], rows[:, 3:])
 
 
 def check_in_hand(log: SensorLog, role: str, until_ns: int, seat: Pose, tolerance: float) -> None:

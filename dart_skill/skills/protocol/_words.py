@@ -69,6 +69,11 @@ class SkillWords:
     lesson: str = "shown"
     tries: int = 10
 
+    @property
+    def trial(self) -> str:
+        """One of the `trials`."""
+        return self.trials.removesuffix("s")
+
 
 KINDS = {"box": 3, "sphere": 1, "cylinder": 2, "cup": 3, "board": 0}
 """Each with the number of its lengths."""

@@ -77,8 +77,7 @@ class PersonAtTheArm:
             self._cameras.subscribe(
                 pose_topic(bodies[role]), self._taker(role), PoseStamped, raw=True
             )
-        self._trial = skill.words.trials.removesuffix("s")
-        self._begin = f"where the {self._trial} begins"
+        self._begin = f"where the {skill.words.trial} begins"
         self._heard, self._mode, self._last, self._moved = b"", "", "", False
         self._mode_ns = 0  # stamp of the state in which the commander said its mode
         self._states = hear_joint_states(node, self._on_state, raw=True)
@@ -239,7 +238,7 @@ class PersonAtTheArm:
     def _check_heard(self, since_ns: int) -> bool:
         if not self._has_heard(since_ns):
             raise ValueError(
-                f"no state of the arm has come on /joint_states since the last {self._trial}: is"
+                f"no state of the arm has come on /joint_states since the last {self._skill.words.trial}: is"
                 " its driver running?"
             )
         return True

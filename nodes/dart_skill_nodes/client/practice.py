@@ -155,7 +155,7 @@ class Practising:
         else:
             self._result.executed += 1
             if unseen := self._unseen():
-                raise GraphFailure(f"{self._thing} {number} was not seen: {unseen}")
+                raise GraphFailure(f"{self._skill.words.trial} {number} was not seen: {unseen}")
             if learns:
                 self._feed(number, "learning")
                 learned = "; ".join(filter(None, await self._learn_from(made, situation)))
@@ -164,19 +164,14 @@ class Practising:
         if self._person:
             if not is_made:
                 # a person should look at the arm before it moves again
-                raise GraphFailure(f"{self._thing} {number}: {made.message}")
+                raise GraphFailure(f"{self._skill.words.trial} {number}: {made.message}")
             told_ns = conversions.stamp_ns(made.outcome.header.stamp)
             await self._person.bring(np.array(made.plan.start_posture), told_ns)
-
-    @property
-    def _thing(self) -> str:
-        """A trial of the skill, in a word."""
-        return self._skill.words.trials[:-1]
 
     def _not_made(self, number: int, situation: Situation, why: str) -> str:
         """A situation that the arm does not reach costs its own trial, and not those after it."""
         self._choice.give_up(self._asked(situation))
-        self._why_not = f"; {self._thing} {number}: {why}"
+        self._why_not = f"; {self._skill.words.trial} {number}: {why}"
         return why
 
     def _tell(self, number: int, outcome, message: str) -> None:

@@ -61,17 +61,3 @@ class PlacingOutsider(Outsider):
 
 
 PLACE = Task("place", BenchScene, Placer, PlacingOutsider, OVER_THE_PART)
-
-
-def teach(outsider, holders, attempts=3):
-    """One part in each holder; the demonstrations that the recorder cut out."""
-    demonstrations = []
-    for holder in holders:
-        for _ in range(attempts):
-            placed, stopped = outsider.teach(holder)
-            if placed:
-                break
-        assert placed, f"the person did not get the part into the holder at {holder[0]}"
-        assert stopped.success, stopped.message
-        demonstrations.append(stopped.demonstration)
-    return demonstrations

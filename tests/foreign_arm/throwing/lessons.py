@@ -66,17 +66,3 @@ class ThrowingOutsider(Outsider):
 
 
 THROW = Task("throw", BallScene, Thrower, ThrowingOutsider, COCKED)
-
-
-def teach(outsider, places, attempts=3):
-    """One hit at each basket; the demonstrations that the recorder cut out."""
-    demonstrations = []
-    for place in places:
-        for _ in range(attempts):
-            hit, stopped = outsider.teach(place)
-            if hit:
-                break
-        assert hit, f"the person missed the basket at {place} {attempts} times"
-        assert stopped.success, stopped.message
-        demonstrations.append(stopped.demonstration)
-    return demonstrations
