@@ -145,6 +145,27 @@ def test_a_reliable_driver_is_heard_without_a_new_subscription(beside):
     assert states.subscriptions[JOINT_STATES] is first
 
 
+def test_a_warning_of_a_subscription_that_was_replaced_before_its_turn_ends_nothing(beside):
+    """A best-effort driver is noticed while the node is at work with something else."""
+    import rclpy
+
+    node, heard = rclpy.create_node("listener"), []
+    states = hear_joint_states(node, heard.append)
+    driver = beside(node, QoSProfile(depth=10))
+    driver.until(lambda: len(heard) > 3, "a state of a reliable driver")
+    first = states.subscriptions[JOINT_STATES]
+    driver.offer(qos_profile_sensor_data)
+    until(lambda: replaced(states, first), what="that the best-effort driver is noticed")
+    heard.clear()
+    driver.until(lambda: len(heard) > 3, "a state of the best-effort driver")
+
+
+def replaced(states, subscription):
+    """Whether it was, in place of which another one hears the driver."""
+    states.look()
+    return states.subscriptions[JOINT_STATES] is not subscription
+
+
 def test_who_rests_is_not_sent_anything_and_hears_again_when_it_goes_on(beside):
     import rclpy
 

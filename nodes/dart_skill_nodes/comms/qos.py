@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
@@ -64,6 +65,10 @@ a node makes while it is configured would silence it for as many seconds.
 """
 SYSTEM = Clock(clock_type=ClockType.SYSTEM_TIME)
 """For stamps that do not belong to the time of the world: the date."""
+NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
+"""Of a subscription that follows its publishers: rclpy warns of one that does not match, though it
+is about to be replaced, and ends the process where it was replaced before the warning's turn came.
+"""
 LOOK_AGAIN = 0.2
 """The graph is looked at so often [s, wall clock]."""
 
@@ -206,7 +211,12 @@ class MatchingSubscriptions:
             self._owner.destroy_subscription(topic.subscription)
         qos = QoSProfile(depth=topic.depth, reliability=chosen[0], durability=chosen[1])
         topic.subscription = self._owner.create_subscription(
-            topic.type, topic.name, topic.callback, qos, raw=topic.raw
+            topic.type,
+            topic.name,
+            topic.callback,
+            qos,
+            raw=topic.raw,
+            event_callbacks=NO_EVENTS,
         )
         topic.chosen = chosen
 
