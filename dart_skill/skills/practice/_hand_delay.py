@@ -47,14 +47,23 @@ class HandDelay:
         )
         return float(np.sqrt(squares / (PRIOR_WEIGHT + max(len(self._delays) - 1, 0))))
 
-    def add(self, delay: float, uncertainty: float = 0.0) -> None:
+    def add(self, delay: float, uncertainty: float = 0.0, confirmed: bool = True) -> None:
         """One more opening, seen with an uncertainty [s]; nan, of one that was not seen, tells
         nothing. A surprise counts from the second one on.
+
+        Parameters
+        ----------
+        confirmed
+            Whether the ball came down where it does after such an opening. A surprise that the
+            landing contradicts was seen wrong, and tells nothing.
         """
         if not (np.isfinite(delay) and uncertainty <= CLEARLY):
             return
         off = delay - self.mean
-        if len(self._delays) < 2 or abs(off) < SURPRISE * self.spread:
+        surprising = len(self._delays) >= 2 and abs(off) >= SURPRISE * self.spread
+        if surprising and not confirmed:
+            return
+        if not surprising:
             self._odd, self._delays = None, [*self._delays, float(delay)][-MEMORY:]
         elif self._odd is not None and (self._odd - self.mean) * off > 0:
             self._delays = [self._odd, float(delay)]

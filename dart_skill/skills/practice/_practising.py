@@ -223,12 +223,14 @@ class PractisingSkill:
             )
         self.steadiness.add((*plan.thrown.target, plan.release), late, miss - explained)
         self._n_told += 1
+        explained_more = explained - self._middle(plan)
         if self.hand is not None:
-            self.hand.add(delay, seen.release.time_uncertainty)
+            confirmed = self._confirms(place, miss, explained_more)
+            self.hand.add(delay, seen.release.time_uncertainty, confirmed)
         if self.search is not None:
             self.search.tell(plan, seen.task)
         if self.correction is not None:
-            self.correction.add(place, miss, explained - self._middle(plan))
+            self.correction.add(place, miss, explained_more)
         verdict = self._bootstrap(trial) if self.method in ("bootstrap", "both") else Verdict(True)
         share = 1.0 if self.correction is None else self.correction.share
         # The plan was meant for another place if it was corrected.
@@ -342,6 +344,14 @@ class PractisingSkill:
         )
         self._steadied = _Steadied(number, target.copy(), shift, centre)
         self.release_shift = shift
+
+    def _confirms(self, place: np.ndarray, miss: np.ndarray, explained: np.ndarray) -> bool:
+        """Whether a miss (2,) [m] at a place (2,) is nearer to what repeats there with what a late
+        release explains of it than without.
+        """
+        repeats = np.zeros(2) if self.correction is None else self.correction.predict(place)[0][0]
+        left = miss - repeats
+        return bool(np.linalg.norm(left - explained) < np.linalg.norm(left))
 
     def _middle(self, plan: MotionPlan) -> np.ndarray:
         """How far from the hit of a release on time the own hand sends the ball, the median (2,)

@@ -37,6 +37,16 @@ def test_two_late_openings_are_another_hand():
     assert delay.mean == pytest.approx(0.046) and len(delay) == 2
 
 
+def test_surprises_that_no_landing_confirms_tell_nothing():
+    delay = HandDelay(np.random.default_rng(2).normal(0.03, 0.004, 20))
+    before = delay.mean
+    for _ in range(3):
+        delay.add(0.047, confirmed=False)
+    assert delay.mean == before
+    delay.add(0.031, confirmed=False)
+    assert len(delay) == 21, "what surprises nobody needs no landing"
+
+
 def test_an_early_and_a_late_one_are_not():
     delay = HandDelay(np.random.default_rng(3).normal(0.03, 0.004, 20))
     before = delay.mean
