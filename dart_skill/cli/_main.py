@@ -5,11 +5,13 @@
 import argparse
 import atexit
 import os
+import re
 import signal
 import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
 from importlib import import_module
 from types import FrameType
 from typing import NoReturn
@@ -142,7 +144,9 @@ def _parser(words: Sequence[str] = ()) -> argparse.ArgumentParser:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Parser of all commands. Where a command is missing, it says which there are."""
+    """Parser of all commands. Where a command is missing, it says which there are; where one is
+    misspelt, which one may be meant.
+    """
 
     def error(self, message: str) -> NoReturn:
         if message.startswith("the following arguments are required") and _completion.verbs_of(
@@ -150,4 +154,12 @@ class _Parser(argparse.ArgumentParser):
         ):
             self.print_help(sys.stderr)
             self.exit(2)
-        super().error(message)
+        super().error(message + _meant(message))
+
+
+def _meant(message: str) -> str:
+    """What may be meant in place of a choice that argparse refuses in a message."""
+    refused = re.search(r"invalid choice: '?([^' ]*)'? \(choose from (.*)\)", message)
+    choices = refused[2].replace("'", "").split(", ") if refused else []
+    near = get_close_matches(refused[1], choices, n=1) if refused else []
+    return f"; did you mean '{near[0]}'?" if near else ""

@@ -224,7 +224,10 @@ def _aim(options: argparse.Namespace) -> int:
         return _aim_over(options)
     spread = _spread(options)
     if spread is None:
-        usage_error("one of --sigma, --covariance, or --from with --to is needed")
+        usage_error(
+            "one of --sigma, --covariance, or --from with --to is needed: dart-skill darts aim"
+            " --sigma 26.9"
+        )
     optima = local_optima(spread)
     paths: list[str] = []
     if options.output is not None:
@@ -368,7 +371,10 @@ def _leg(options: argparse.Namespace) -> int:
 
     spread: Spread | SpreadByTarget | None = _spread(options)
     if (spread is None) == (options.professional is None):
-        options.usage_error("one of --sigma, --covariance or --professional is needed")
+        options.usage_error(
+            "one of --sigma, --covariance or --professional is needed: dart-skill darts 501"
+            " --professional"
+        )
     if spread is None:
         spread = professional(None if options.professional == "typical" else options.professional)
     policy = solve_leg(spread, options.start, options.objective)

@@ -16,7 +16,10 @@ def add_figure(experiments: argparse._SubParsersAction) -> None:
     """Add `figure` to the experiments of `dart-skill experiment`."""
     figure = experiments.add_parser("figure", help="a figure of the thesis, computed anew")
     figure.add_argument(
-        "number", help="3.1, 7.1, ..., regrets; 'list' says which there are, 'all' draws every one"
+        "number",
+        nargs="?",
+        default="list",
+        help="3.1, 7.1, ..., regrets; 'all' draws every one; without one: which there are",
     )
     figure.add_argument(
         "--output",
@@ -47,8 +50,10 @@ def _figure(options: argparse.Namespace) -> int:
             else "\n".join(f"{number}  {title}" for number, title in titles.items())
         )
         return 0
-    drawn, more = {}, {} if options.teachers is None else {"teachers": options.teachers}
-    for number in thesis.FIGURES if options.number == "all" else [options.number]:
+    drawn, asked = {}, {} if options.teachers is None else {"teachers": options.teachers}
+    everything = options.number == "all"
+    for number in thesis.FIGURES if everything else [options.number]:
+        more = thesis.known_options(number, asked) if everything else asked
         paths, measured = thesis.draw(number, options.output, options.seed, **more)
         drawn[number] = {
             "seed": options.seed,

@@ -71,12 +71,16 @@ def figure_of(number: str, seed: int = 0, **options: Any) -> tuple[Figure, dict]
     """
     from dart_skill.figures import house_style
 
-    drawing = _member(number, "draw")
-    for name in options:
-        if name not in inspect.signature(drawing).parameters:
-            raise ValueError(f"figure {number} has no option '{name}': leave it out")
+    for name in options.keys() - known_options(number, options).keys():
+        raise ValueError(f"figure {number} has no option '{name}': leave it out")
     with house_style():
-        return drawing(seed, **options)
+        return _member(number, "draw")(seed, **options)
+
+
+def known_options(number: str, options: dict[str, Any]) -> dict[str, Any]:
+    """Those of some options that a figure has."""
+    known = inspect.signature(_member(number, "draw")).parameters
+    return {name: value for name, value in options.items() if name in known}
 
 
 def draw(

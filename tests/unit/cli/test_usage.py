@@ -34,6 +34,23 @@ def test_where_a_command_is_missing_those_that_there_are_are_listed(typed, there
     assert end.value.code == 2 and f"\n    {there_is} " in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [(["dem"], "demo"), (["bag", "inof"], "info"), (["experiment", "figur"], "figure")],
+)
+def test_what_is_misspelt_is_guessed(typed, meant, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(typed)
+    said = capsys.readouterr().err
+    assert end.value.code == 2 and f"; did you mean '{meant}'?" in said
+
+
+def test_of_what_is_like_no_command_nothing_is_guessed(capsys):
+    with pytest.raises(SystemExit):
+        main(["nonsense"])
+    assert "did you mean" not in capsys.readouterr().err
+
+
 def test_an_unknown_option_is_told_with_the_usage_of_its_command(capsys):
     with pytest.raises(SystemExit) as end:
         main(["bag", "info", "somewhere", "--nope"])

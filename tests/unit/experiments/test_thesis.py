@@ -368,9 +368,11 @@ def test_only_who_knows_the_board_learns_from_what_was_thrown():
 
 
 def test_figures_on_the_command_line(tmp_path, capsys):
-    assert main(["experiment", "figure", "list"]) == 0
-    listed = capsys.readouterr().out
-    assert all(number in listed for number in thesis.FIGURES)
+    listed = []
+    for words in (["list"], []):
+        assert main(["experiment", "figure", *words]) == 0
+        listed.append(capsys.readouterr().out)
+    assert listed[0] == listed[1] and all(number in listed[0] for number in thesis.FIGURES)
     command = ["experiment", "figure", "7.4", "--output", str(tmp_path), "--seed", "2"]
     assert main([*command, "--json"]) == 0
     drawn = json.loads(capsys.readouterr().out)["7.4"]
@@ -380,6 +382,19 @@ def test_figures_on_the_command_line(tmp_path, capsys):
     assert "there is no figure 9.9 here: choose one of 3.1" in capsys.readouterr().err
     assert main(["experiment", "figure", "3.1", "--teachers", "3"]) == 1
     assert "figure 3.1 has no option 'teachers': leave it out" in capsys.readouterr().err
+
+
+def test_an_option_of_one_figure_is_for_that_one_where_all_are_drawn(monkeypatch, tmp_path):
+    asked = {}
+    monkeypatch.setattr(thesis, "FIGURES", {one: thesis.FIGURES[one] for one in ("3.1", "8.4.4")})
+    monkeypatch.setattr(thesis, "describe", lambda *_: "")
+    monkeypatch.setattr(
+        thesis,
+        "draw",
+        lambda number, *_, **more: (asked.setdefault(number, more), ([tmp_path] * 2, {}))[1],
+    )
+    assert main(["experiment", "figure", "all", "--teachers", "2", "--output", str(tmp_path)]) == 0
+    assert asked == {"3.1": {}, "8.4.4": {"teachers": 2}}
 
 
 @pytest.mark.slow
