@@ -39,6 +39,10 @@ STANDS = 0.01
 """A hand that is planned to be slower has no way along which it could be late [m/s]."""
 UNSEEN = 0.5
 """Rate of a careful plan while the cameras do not see the hand."""
+EASES = 0.1
+"""Time constant with which a careful plan comes to that rate, and goes on [s]: half of a fast hand's
+speed at once jolts an arm whose cables give, up to the limit of speed.
+"""
 EARLY = 1e-9
 """By which an event may be early [s]: times are rounded to the nanosecond."""
 
@@ -215,7 +219,7 @@ class CarefulGuide(PlanGuide):
         self._hand_seen, self._rest = HandSeen(HAND, registration), RestTakenOut()
         self._contact = ContactSearch(contact_force if plan.pace is None else math.inf)
         self._compliance = compliance
-        self._then, self._waited = 0.0, 0.0
+        self._then, self._waited, self._eased = 0.0, 0.0, 1.0
 
     def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
         """As of `Guide`: the hand alone counts."""
@@ -231,12 +235,12 @@ class CarefulGuide(PlanGuide):
         aim = planned.reference.position - seen.shift + self._contact.aside
         compliance = partial(self._compliance, planned.gains, carries)
         rate = self._contact.rate(time, step, hand.position, aim, velocity, carries, compliance)
-        if rate == 1.0 and self.plan.pace is None and self._hand_seen.is_lost(stamp_ns):
-            rate = UNSEEN
+        change = self._ease(stamp_ns, step)
+        rate, change = (self._eased, change) if rate == 1.0 else (rate, 0.0)
         # the way back ends where the plan begins
         self._waited = min(self._waited + (1.0 - rate) * step, time)
         wanted = shifted(
-            planned.reference if rate == 1.0 else slowed(planned.reference, rate),
+            planned.reference if rate == 1.0 else slowed(planned.reference, rate, change),
             SeenOffset(seen.shift - self._contact.aside, seen.turn),
         )
         left = self._contact.across(hand.position - wanted.position)
@@ -249,6 +253,13 @@ class CarefulGuide(PlanGuide):
             fault=planned.fault or self._contact.fault,
             touches=self._contact.touches,
         )
+
+    def _ease(self, stamp_ns: int, step: float) -> float:
+        """Slow down while the cameras do not see the hand, or go on; the change of the rate [1/s]."""
+        lost = self.plan.pace is None and self._hand_seen.is_lost(stamp_ns)
+        change = ((UNSEEN if lost else 1.0) - self._eased) / max(step, EASES)
+        self._eased += change * step
+        return change
 
 
 class Fingers:
@@ -348,10 +359,21 @@ def paced(reference: Reference, rate: float) -> Reference:
     )
 
 
-def slowed(reference: Reference, rate: float) -> Reference:
-    """The same whose attractor does not pull the hand on faster, either."""
+def slowed(reference: Reference, rate: float, change: float = 0.0) -> Reference:
+    """The same whose attractor does not pull the hand on faster, either.
+
+    Parameters
+    ----------
+    change
+        Of the rate [1/s].
+    """
     ahead = reference.attractor_position - reference.position
-    return replace(paced(reference, rate), attractor_position=reference.position + rate * ahead)
+    slow = paced(reference, rate)
+    return replace(
+        slow,
+        attractor_position=reference.position + rate * ahead,
+        acceleration=slow.acceleration + change * reference.velocity,
+    )
 
 
 def shifted(reference: Reference, seen: SeenOffset) -> Reference:
