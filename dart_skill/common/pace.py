@@ -12,8 +12,9 @@ from dart_skill.common.checks import as_number
 
 @dataclass(frozen=True)
 class PhaseRule:
-    """How the state changes the phase: s' = clip(1 + d / T, slowest, fastest), where d [s] is how
-    far the state is ahead of the phase.
+    """How the state changes the phase: s' = clip(w (1 + d / T), slowest, fastest), where d [s] is how
+    far the state is ahead of the phase, and w = min(1, (tolerated / m)^2) for a state that is m
+    standard deviations from where it shall be.
 
     Parameters
     ----------
@@ -28,6 +29,10 @@ class PhaseRule:
     ignored
         Float, default 0 [s]. |d| is less by so much, and at least 0: what an arm lags or leads by
         without a disturbance.
+    tolerated
+        Float, default infinite. Standard deviations that the state may be off before the phase
+        slows: what was shown precisely waits until the state is there, also one that is off to
+        the side, neither ahead nor behind.
     """
 
     slowest: float = 0.05
@@ -35,18 +40,25 @@ class PhaseRule:
     time_constant: float = 0.05
     deviation: float = 0.05
     ignored: float = 0.0
+    tolerated: float = math.inf
 
     def __post_init__(self) -> None:
         for name in ("slowest", "fastest", "time_constant", "deviation"):
             as_number(getattr(self, name), name)
         as_number(self.ignored, "ignored", strict=False)
+        if not self.tolerated > 0.0:
+            raise ValueError(f"tolerated is {self.tolerated}; it must be positive")
         if not self.slowest < 1.0 < self.fastest:
             raise ValueError(
                 f"slowest {self.slowest} and fastest {self.fastest} must lie on either side of 1,"
                 " the demonstrated pace"
             )
 
-    def rate(self, ahead: float) -> float:
-        """s' for a state that is so far ahead of the phase [s]."""
+    def rate(self, ahead: float, off: float = 0.0) -> float:
+        """s' for a state that is so far ahead of the phase [s], and so many standard deviations
+        off.
+        """
         heeded = math.copysign(max(abs(ahead) - self.ignored, 0.0), ahead)
-        return min(max(1.0 + heeded / self.time_constant, self.slowest), self.fastest)
+        waits = min(1.0, self.tolerated / off) ** 2 if off > 0.0 else 1.0
+        rate = waits * (1.0 + heeded / self.time_constant)
+        return min(max(rate, self.slowest), self.fastest)

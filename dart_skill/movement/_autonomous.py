@@ -326,7 +326,22 @@ class AutonomousDSGMR(AttractorModel):
         )
         slope = (states[2:] - states[:1]) / (2.0 * SLOPE_STEP)
         gain, _ = correction(states[1:2], spreads[1:2], slope, self.rule)
-        return Moment(states[1], attractors[1], gain[0])
+        still = [one.frame if isinstance(one, MovingFrame) else one for one in frames]
+        alone, _, attractor = self._at_phases(still, np.array([phase]), inputs)
+        d = len(attractors[1])
+        return Moment(
+            states[1],
+            attractors[1],
+            gain[0],
+            spreads[1, :d, :d],
+            self._acceleration(states[1], attractors[1]),
+            np.append(alone[0, d:], self._acceleration(alone[0], attractor[0])),
+        )
+
+    def _acceleration(self, state: np.ndarray, attractor: np.ndarray) -> np.ndarray:
+        """(7.19): of a state (2d,) with an attractor (d,)."""
+        d = len(attractor)
+        return self.stiffness * (attractor - state[:d]) - self.damping * state[d:]
 
     def _at_phases(
         self, frames: Sequence[StateFrame], phases: np.ndarray, inputs: ArrayLike | None
@@ -535,11 +550,28 @@ class Moment:
     attractor : (d,)
     gain : (2d,)
         As of `correction`.
+    spread : (d, d)
+        Covariance of the position.
+    acceleration : (d,)
+        By (7.19).
+    alone : (2d,)
+        Velocity and acceleration while the frames stand still: what the phase makes of them.
     """
 
     state: np.ndarray
     attractor: np.ndarray
     gain: np.ndarray
+    spread: np.ndarray
+    acceleration: np.ndarray
+    alone: np.ndarray
+
+    def paced(self, rate: float) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity and acceleration (d,) each while the phase goes on at a rate. Slower is what the
+        phase makes of them; the frames do not wait.
+        """
+        d = len(self.attractor)
+        velocity = self.state[d:] - (1.0 - rate) * self.alone[:d]
+        return velocity, self.acceleration - (1.0 - rate**2) * self.alone[d:]
 
 
 class AutonomousPolicy:

@@ -51,7 +51,12 @@ class ReactivePolicy:
         return self.phase >= self._end
 
     def react(
-        self, frames: Sequence[StateFrame], position: ArrayLike, velocity: ArrayLike, step: float
+        self,
+        frames: Sequence[StateFrame],
+        position: ArrayLike,
+        velocity: ArrayLike,
+        step: float,
+        pace: float = 1.0,
     ) -> Reaction:
         """The phase after a step [s], for a robot with this position and velocity (d,)
 
@@ -59,12 +64,16 @@ class ReactivePolicy:
         ----------
         frames
             As they are now.
+        pace
+            Rate at which the robot was led until now: one that waits is not behind because it is
+            slow.
         """
         moment, rule = self._model.moment(frames, self.phase, self._inputs), self._model.rule
         d = len(moment.attractor)
-        state = np.concatenate(
-            [as_vector(position, "position", d), as_vector(velocity, "velocity", d)]
-        )
-        rate = rule.rate(float(moment.gain @ (state - moment.state)))
+        away = as_vector(position, "position", d) - moment.state[:d]
+        faster = as_vector(velocity, "velocity", d) - moment.paced(pace)[0]
+        ahead = moment.gain @ np.concatenate([away, faster])
+        off = np.sqrt(away @ np.linalg.solve(moment.spread, away))
+        rate = rule.rate(float(ahead), float(off))
         self.phase = min(self.phase + rate * as_number(step, "step", strict=False), self._end)
         return Reaction(self.phase, rate, moment)

@@ -23,7 +23,6 @@ from dart_skill.arm import (
     RestTakenOut,
     SeenOffset,
     Speed,
-    paced,
     rotation_error,
     shifted,
 )
@@ -172,7 +171,7 @@ class ReactiveGuide:
         frames = self._frames({name: body.at(stamp_ns) for name, body in self._bodies.items()})
         before, reaction = (
             self.phase,
-            self._policy.react(frames, hand.position + seen.shift, hand.linear, step),
+            self._policy.react(frames, hand.position + seen.shift, hand.linear, step, self._pace),
         )
         self._pace += (min(reaction.rate, 1.0) - self._pace) * min(step / PACING, 1.0)
         if not self._policy.is_over:
@@ -197,21 +196,20 @@ class ReactiveGuide:
         )
 
     def _reference(self, reaction: Reaction, hand: HandState, seen: SeenOffset) -> Reference:
-        """The hand is expected where the model has it at this phase, and moves as it does there,
-        at the rate of the phase but no faster.
+        """The hand is expected where the model has it at this phase. It moves as it does there, at
+        the rate of the phase but no faster, and with its frames, which do not wait.
         """
         k, d, rest = self._gains.stiffness[:3], self._gains.damping[:3], np.zeros(3)
-        position, velocity = reaction.moment.state[:3], reaction.moment.state[3:]
-        acceleration = k * (reaction.moment.attractor - position) - d * velocity
-        # (7.20) at the pace of the phase: the attractor of a motion that waits does not pull it
-        # on.
-        attractor = position + (self._pace * d * velocity + self._pace**2 * acceleration) / k
+        position = reaction.moment.state[:3]
+        velocity, acceleration = reaction.moment.paced(self._pace)
+        # (7.20): the attractor of a motion that waits does not pull it on
+        attractor = position + (d * velocity + acceleration) / k
         nearer = self._too_far(position - hand.position - seen.shift)
         motion = np.append(velocity, rest), np.append(acceleration, rest)
         wanted = Reference(
             attractor - nearer, self._rotation, position - nearer, self._rotation, *motion
         )
-        return paced(shifted(wanted, seen), self._pace)
+        return shifted(wanted, seen)
 
     def _too_far(self, behind: np.ndarray) -> np.ndarray:
         """By how much of a distance (3,) [m] a hand that was left behind would be pulled to hurry."""

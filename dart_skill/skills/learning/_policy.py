@@ -31,7 +31,11 @@ def phase_rule(settings: SkillSettings) -> PhaseRule:
     """How the state of the hand drives the movement of a skill."""
     s = settings
     return PhaseRule(
-        slowest=s.slowest, fastest=s.fastest, time_constant=s.time_constant, ignored=s.ignored
+        slowest=s.slowest,
+        fastest=s.fastest,
+        time_constant=s.time_constant,
+        ignored=s.ignored,
+        tolerated=s.tolerated,
     )
 
 

@@ -28,11 +28,21 @@ POSITIVE = (
     "oldest",
     "slowest",
     "time_constant",
+    "tolerated",
     "catch_up",
 )
 """Settings that must be more than 0."""
 OF_REACTING = frozenset(
-    {"oldest", "follow_on", "slowest", "fastest", "time_constant", "ignored", "catch_up"}
+    {
+        "oldest",
+        "follow_on",
+        "slowest",
+        "fastest",
+        "time_constant",
+        "ignored",
+        "tolerated",
+        "catch_up",
+    }
 )
 """Settings of a movement that the state drives."""
 
@@ -105,6 +115,9 @@ class SkillSettings:
         Of the correction of the phase [s].
     ignored
         What a hand lags or leads by without a disturbance [s].
+    tolerated
+        How far a hand may be from where it was shown before the movement waits for it, in standard
+        deviations of what was shown.
     catch_up
         A hand that was left behind catches up no faster than so much above the speed of the motion
         [m/s].
@@ -137,6 +150,7 @@ class SkillSettings:
     fastest: float = 1.3
     time_constant: float = 0.02
     ignored: float = 0.01
+    tolerated: float = 2.0
     catch_up: float = 0.25
 
     registration: KnownRegistration | None = None

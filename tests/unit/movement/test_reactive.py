@@ -2,6 +2,8 @@
 robot.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -154,3 +156,39 @@ def test_a_frame_has_a_speed_for_each_variable():
 def test_a_model_without_demonstrations_has_no_ends():
     with pytest.raises(ValueError, match="call fit first"):
         ReactivePolicy(AutonomousDSGMR(2, STIFFNESS))
+
+
+def test_what_waits_moves_on_with_its_frames(model):
+    """Both frames drift alike: with the phase at rest the robot drifts as they do, and at the pace
+    that was shown it has that drift beside its own motion.
+    """
+    still = [start_frame(START, n_angles=0), TaskFrame(np.eye(4), [0.0, *GOAL])]
+    lag = 2.0 / np.sqrt(STIFFNESS)
+    moving = [MovingFrame(one, DRIFT, one.b[1:] + lag * DRIFT) for one in still]
+    here, there = model.moment(still, 0.9), model.moment(moving, 0.9)
+    np.testing.assert_allclose(there.paced(0.0), [DRIFT, np.zeros(3)], atol=1e-9)
+    for rate in (0.3, 1.0):
+        velocity, acceleration = there.paced(rate)
+        np.testing.assert_allclose(velocity, DRIFT + rate * here.state[3:], atol=1e-9)
+        np.testing.assert_allclose(acceleration, rate**2 * here.acceleration, atol=1e-8)
+
+
+def test_it_waits_for_a_robot_that_is_beside_its_path_by_more_than_was_shown():
+    rule = PhaseRule(tolerated=2.0, slowest=0.01)
+    assert rule.rate(0.0, 1.9) == 1.0 and rule.rate(0.0, 4.0) == pytest.approx(0.25)
+    assert rule.rate(0.0, 1e3) == 0.01 and PhaseRule().rate(0.0, 1e3) == 1.0
+
+
+def test_beside_the_path_is_neither_ahead_nor_behind_and_waits_where_it_must_be_precise(model):
+    frames = [start_frame(START, n_angles=0), TaskFrame(np.eye(4), [0.0, *GOAL])]
+    moment = model.moment(frames, 1.5)
+    aside = np.cross(moment.state[3:], [0.0, 0.0, 1.0])
+    aside *= 0.03 / np.linalg.norm(aside)
+    rates = []
+    for rule in (RULE, replace(RULE, tolerated=2.0)):
+        policy = ReactivePolicy(
+            AutonomousDSGMR.of_mixture(model.mixture_, model.ends, STIFFNESS, rule=rule)
+        )
+        policy.phase = 1.5
+        rates.append(policy.react(frames, moment.state[:3] + aside, moment.state[3:], STEP).rate)
+    assert rates[0] > 0.7 and rates[1] < 0.5 * rates[0]
