@@ -14,6 +14,7 @@ import numpy as np
 import yaml
 
 from dart_skill.common.checks import as_finite
+from dart_skill.common.configuration import read_yaml
 from dart_skill.common.quaternions import CONJUGATE, matrices, product, rotate, unit
 
 if TYPE_CHECKING:
@@ -188,7 +189,7 @@ def load_registration(path: str | Path) -> KnownRegistration:
         Names the file, and what of it is wrong.
     """
     try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        content = read_yaml(Path(path))
         values, spread = (_section(content, name) for name in ("registration", "spread"))
         numbers = [np.atleast_1d(np.array(spread[name], dtype=float)) for name in PARTS]
         for (name, size), given in zip(PARTS.items(), numbers, strict=True):
@@ -199,9 +200,10 @@ def load_registration(path: str | Path) -> KnownRegistration:
         raise ValueError(
             f"there is no registration file {path}: dart-skill check arm --write FILE makes one"
         ) from None
-    except (OSError, ValueError, TypeError, yaml.YAMLError) as error:
+    except (OSError, ValueError, TypeError) as error:
+        why = str(error).removeprefix(f"{path} ")
         raise ValueError(
-            f"{path} is no registration file: {error}; dart-skill check arm --write FILE makes one"
+            f"{path} is no registration file: {why}; dart-skill check arm --write FILE makes one"
         ) from error
 
 

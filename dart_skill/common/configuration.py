@@ -1,7 +1,14 @@
-"""Where the files of config/ are: in a checkout, in a wheel and in an installed ROS package alike."""
+"""Where the files of config/ are: in a checkout, in a wheel and in an installed ROS package alike;
+and their values, checked.
+"""
 
 import os
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
+
+MOST_NESTED = 30
+"""Depth of a YAML file at most: PyYAML's parser in C ends the process with a deep one."""
 
 
 def config_path(name: str) -> Path:
@@ -25,24 +32,118 @@ def config_path(name: str) -> Path:
 
 def load_yaml(name: str) -> dict:
     """A YAML file of config/ as nested dictionaries."""
+    return read_yaml(config_path(name))
+
+
+def read_yaml(path: Path) -> dict:
+    """A YAML file as nested dictionaries.
+
+    Raises
+    ------
+    ValueError
+        Names the file, the place and the remedy, if it is none.
+    """
+    try:
+        content = _parsed(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path} is no YAML: {error}") from error
+    if not isinstance(content, dict):
+        raise ValueError(f"{path} holds no mapping: write one 'name: value' in a line")
+    return content
+
+
+def _parsed(text: str) -> Any:
+    """What a YAML text holds; ValueError says in a line where it is none."""
     import yaml  # completion with TAB imports this module and reads nothing
 
     # The parser in C takes a seventh of the time; a PyYAML that was built without it has the other
     # one only.
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    return yaml.load(config_path(name).read_text(encoding="utf-8"), Loader=loader)
+    depth = 0
+    try:
+        for event in yaml.parse(text, Loader=loader):
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if depth > MOST_NESTED:
+                line = event.start_mark.line + 1
+                raise ValueError(f"line {line} is nested more than {MOST_NESTED} deep")
+        return yaml.load(text, Loader=loader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        raise ValueError(f"{place}{error.problem or error.context}") from error
+    except yaml.reader.ReaderError as error:
+        raise ValueError(f"character {error.position + 1}: {error.reason}") from error
 
 
 def world_parameters() -> dict:
     """The entries of config/world.yaml by name, which are parameters of every node."""
-    return dict(load_yaml("world.yaml")["/**"]["ros__parameters"])
+    return _parameters("world.yaml", "/**")
 
 
 def limit_parameters() -> dict:
     """The entries of config/limits.yaml by name, which are parameters of every node that moves the
     arm.
     """
-    return dict(load_yaml("limits.yaml")["/**"]["ros__parameters"])
+    return _parameters("limits.yaml", "/**", "limits")
+
+
+def _parameters(name: str, section: str, described: str = "") -> dict:
+    """The ros__parameters of a section of a file, by name.
+
+    Parameters
+    ----------
+    described
+        Section of parameters.yaml that says which of them are numbers, and in which range.
+
+    Raises
+    ------
+    KeyError
+        If the file has no such section.
+    ValueError
+        Names the file, the entry and what it must be, for one that is out of its range.
+    """
+    content, path = load_yaml(name), config_path(name)
+    if section not in content:
+        raise KeyError(f"{name} has no section '{section}', only {sorted(map(str, content))}")
+    rows = content[section]
+    values = rows.get("ros__parameters") if isinstance(rows, dict) else None
+    if not isinstance(values, dict):
+        raise ValueError(
+            f"{path}: '{section}' has no mapping 'ros__parameters' of names and values"
+        )
+    ranges = _ranges(described, config_path("parameters.yaml").stat().st_mtime_ns)
+    for key in values.keys() & ranges.keys():
+        check_number(values[key], f"{path}: {key}", *ranges[key])
+    return dict(values)
+
+
+@lru_cache(maxsize=64)
+def _ranges(section: str, _changed_ns: int) -> dict[str, list[float]]:
+    """Range of each number of a section of parameters.yaml, as it was when it changed last."""
+    rows = load_yaml("parameters.yaml").get(section) or {}
+    return {name: row["range"] for name, row in rows.items() if "range" in row}
+
+
+def check_number(value: Any, name: str, low: float, high: float) -> None:
+    """Check that a value is a number, or a list of numbers, in a range.
+
+    Parameters
+    ----------
+    name
+        What it is called in an error.
+    low, high
+        The range.
+
+    Raises
+    ------
+    ValueError
+        Names the value, and what it must be.
+    """
+    for one in value if isinstance(value, list) and value else [value]:
+        number = isinstance(one, int | float) and not isinstance(one, bool)
+        if not (number and low <= one <= high):
+            raise ValueError(f"{name} is {value!r}; it must be a number from {low:g} to {high:g}")
 
 
 def node_file(node: str) -> str:
@@ -58,11 +159,10 @@ def node_parameters(name: str, node: str) -> dict:
     ------
     KeyError
         If the file has no section of the node.
+    ValueError
+        If a value is out of its range.
     """
-    content = load_yaml(name)
-    if node not in content:
-        raise KeyError(f"{name} has no section '{node}', only {sorted(content)}")
-    return {**world_parameters(), **limit_parameters(), **content[node]["ros__parameters"]}
+    return {**world_parameters(), **limit_parameters(), **_parameters(name, node, node)}
 
 
 def shared_folders(name: str, package: str, below: str = "") -> list[Path]:

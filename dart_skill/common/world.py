@@ -8,7 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cache, lru_cache
 
-from dart_skill.common.configuration import load_yaml, world_parameters
+from dart_skill.common.configuration import (
+    check_number,
+    config_path,
+    load_yaml,
+    world_parameters,
+)
 
 ROLES = ("hand", "ball", "basket")
 """What a tracked body is in a throw."""
@@ -16,6 +21,8 @@ THROW = "throw"
 """Name of the skill of throws at baskets."""
 THROW_BODIES = ("ball", "basket")
 """Roles of what is thrown, and of what it is thrown at."""
+LARGEST = 100.0
+"""Largest number that config/world.yaml may have, in the unit of each."""
 DEMONSTRATION_TOPIC = "/demonstrations"
 """Topic of what was shown."""
 MARK_TOPIC = "/demonstration_marks"
@@ -120,6 +127,13 @@ def _checked(entries: Mapping) -> Mapping:
         raise ValueError(
             f"world.yaml lacks {sorted(wanted - given)} and has, unknown, {sorted(given - wanted)}"
         )
+    for field in fields(World):
+        value, name = entries[field.name], f"{config_path('world.yaml')}: {field.name}"
+        if field.type == "str" and not (isinstance(value, str) and value):
+            raise ValueError(f"{name} is {value!r}; it must be a name")
+        if field.type != "str":
+            low = -LARGEST if isinstance(value, list) else 0.0
+            check_number(value, name, low, LARGEST)
     return entries
 
 

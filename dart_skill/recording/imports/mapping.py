@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from dart_skill.common.configuration import read_yaml
 from dart_skill.common.constants import N_JOINTS, UNTURNED
 from dart_skill.common.world import ROLES, the_world
 from dart_skill.recording.imports.faults import Fault
@@ -348,12 +349,13 @@ def load_mapping(path: str | os.PathLike) -> RecordingMapping:
     """
     path = Path(path)
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        return parse_mapping(read_yaml(path), str(path))
     except OSError as error:
         raise MappingError(f"{path}: {error.strerror}") from error
-    except yaml.YAMLError as error:
-        raise MappingError(f"{path}: no YAML: {error}") from error
-    return parse_mapping(content, str(path))
+    except MappingError:
+        raise
+    except ValueError as error:
+        raise MappingError(str(error)) from error
 
 
 def parse_mapping(content: Any, place: str = "mapping") -> RecordingMapping:

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from dart_skill.arm import KnownRegistration, Registration
+from dart_skill.common.configuration import read_yaml
 
 S = TypeVar("S", bound="SkillSettings")
 COMPONENTS = (4, 6, 8, 12, 16, 20, 24, 32)
@@ -210,15 +211,7 @@ class SkillSettings:
         ValueError
             Names what is unknown, missing, or no number.
         """
-        import yaml
-
-        try:
-            content = yaml.safe_load(path.read_text(encoding="utf-8"))
-        except yaml.YAMLError as error:
-            raise ValueError(f"{path} is not YAML: {error}") from error
-        if not isinstance(content, dict):
-            raise ValueError(f"{path} holds no settings: write one 'name: value' in a line")
-        return cls().changed(content, str(path))
+        return cls().changed(read_yaml(path), str(path))
 
     def changed(self: S, changes: Mapping[str, Any], where: str) -> S:
         """The same but for some values.

@@ -196,7 +196,7 @@ def test_a_measured_registration_is_the_same_after_it_was_a_file(tmp_path):
     ("text", "said"),
     [
         ("registration: [1, 2", "registration.yaml is no registration file"),
-        ("hello", "section 'registration'"),
+        ("hello", "file: holds no mapping"),
         ("registration: {turn: [0, 0, 0, 1]}", "must have turn, shift"),
         (None, "there is no registration file"),
     ],

@@ -127,8 +127,8 @@ def test_what_is_corrected_moves_in_its_own_axes():
         ("stiffness: -1.0", "stiffness is -1.0; it must be finite and not negative"),
         ("stiffness: .nan", "stiffness is nan"),
         ("components: 0", "components is 0; it must be positive"),
-        ("- 1", "holds no settings"),
-        ("a: [", "is not YAML"),
+        ("- 1", "holds no mapping"),
+        ("a: [", "is no YAML"),
     ],
 )
 def test_settings_are_strict(tmp_path, content, said):
