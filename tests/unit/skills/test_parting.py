@@ -69,3 +69,21 @@ def test_the_deviation_is_how_far_noise_moves_the_instant():
     instants, deviations, _ = np.transpose(found)
     assert instants.std() == pytest.approx(np.median(deviations), rel=0.15)
     assert instants.mean() == pytest.approx(0.2, abs=4 * instants.std() / np.sqrt(200))
+
+
+def test_markers_that_are_millimetres_off_do_not_move_the_instant():
+    """The paths come nearer to each other elsewhere, where they do not move alike."""
+    time, way = np.linspace(-1.0, 1.0, 15), np.array([0.01, -0.02, 0.02])
+    off = -0.004 * way / np.linalg.norm(way)
+    best, deviation, distance = parting(time, off + np.outer((time - 0.3) ** 2, way), 4)
+    assert best == pytest.approx(0.3, abs=1e-6) and deviation < 1e-6
+    assert distance == pytest.approx(0.004)
+
+
+def test_two_instants_at_which_the_paths_move_alike_make_a_large_deviation():
+    time, rng = np.linspace(-1.0, 1.0, 15), np.random.default_rng(3)
+    path = np.outer((time**2 - 0.16) ** 2, [0.0, 0.3, 0.1])
+    for _ in range(20):
+        best, deviation, _ = parting(time, path + 1e-5 * rng.standard_normal((15, 3)), 4)
+        assert abs(best) == pytest.approx(0.4, abs=1e-3)
+        assert deviation == pytest.approx(0.8, abs=2e-3)
