@@ -326,22 +326,20 @@ class AutonomousDSGMR(AttractorModel):
         )
         slope = (states[2:] - states[:1]) / (2.0 * SLOPE_STEP)
         gain, _ = correction(states[1:2], spreads[1:2], slope, self.rule)
-        still = [one.frame if isinstance(one, MovingFrame) else one for one in frames]
-        alone, _, attractor = self._at_phases(still, np.array([phase]), inputs)
         d = len(attractors[1])
+        (position, velocity), attractor = np.split(states[1], 2), attractors[1]
+        later, _, _ = self._at_phases(
+            [_after(one, SLOPE_STEP) for one in frames], np.array([phase]), inputs
+        )
+        carried = (later[0, :d] - position) / SLOPE_STEP
         return Moment(
             states[1],
-            attractors[1],
+            attractor,
             gain[0],
             spreads[1, :d, :d],
-            self._acceleration(states[1], attractors[1]),
-            np.append(alone[0, d:], self._acceleration(alone[0], attractor[0])),
+            self.stiffness * (attractor - position) - self.damping * velocity,
+            np.append(velocity - carried, slope[0, d:]),
         )
-
-    def _acceleration(self, state: np.ndarray, attractor: np.ndarray) -> np.ndarray:
-        """(7.19): of a state (2d,) with an attractor (d,)."""
-        d = len(attractor)
-        return self.stiffness * (attractor - state[:d]) - self.damping * state[d:]
 
     def _at_phases(
         self, frames: Sequence[StateFrame], phases: np.ndarray, inputs: ArrayLike | None
@@ -555,7 +553,8 @@ class Moment:
     acceleration : (d,)
         By (7.19).
     alone : (2d,)
-        Velocity and acceleration while the frames stand still: what the phase makes of them.
+        Share of velocity and acceleration that is not the motion of the frames: what the phase
+        makes of them.
     """
 
     state: np.ndarray
@@ -745,6 +744,15 @@ def _flow(
         return ((moved + first * now + second * later) * units).ravel()
 
     return flow
+
+
+def _after(frame: StateFrame, time: float) -> StateFrame:
+    """A frame so much later [s], with the velocity that it has."""
+    if not isinstance(frame, MovingFrame):
+        return frame
+    way, still = time * frame.velocity, frame.frame
+    moved = np.append(still.b[: -len(way)], still.b[-len(way) :] + way)
+    return MovingFrame(TaskFrame._made(still.A, moved), frame.velocity, frame.attractor + way)
 
 
 def lift(frame: TaskFrame | MovingFrame, n_inputs: int = 0) -> TaskFrame:

@@ -214,7 +214,7 @@ class Viewer(GuardedNode):
     def _describe(self):
         return (
             OK,
-            url_of(self._server),
+            f"{url_of(self._server)}, with the token that was printed where it was started",
             {
                 "browsers": len(self._server.get_clients()),
                 "demonstrations": len(self._demonstrations),

@@ -161,11 +161,9 @@ class Status:
             elif name in self.silent or (name in self._said and self._said[name] != status.level):
                 self.silent.discard(name)
                 self._said[name] = status.level
-                message = (
-                    page(status.message)
-                    if name == "viewer" and " " not in status.message
-                    else status.message
-                )
+                url = status.message.partition(",")[0]
+                is_page = name == "viewer" and url.startswith("http")
+                message = f"open {page(url)}" if is_page else status.message
                 self._tell(
                     LEVELS[status.level],
                     node=name,
