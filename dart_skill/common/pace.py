@@ -12,9 +12,9 @@ from dart_skill.common.checks import as_number
 
 @dataclass(frozen=True)
 class PhaseRule:
-    """How the state changes the phase: s' = clip(w (1 + d / T), slowest, fastest), where d [s] is how
-    far the state is ahead of the phase, and w = min(1, (tolerated / m)^2) for a state that is m
-    standard deviations from where it shall be.
+    """How the state changes the phase: s' = clip(c (1 + d / T), slowest, fastest), where d [s] is
+    how far the state is ahead of the phase, and c = min(1, (tolerated / m)^2) for a state that is
+    m standard deviations from where it shall be.
 
     Parameters
     ----------
