@@ -30,7 +30,7 @@ class PhaseRule:
         Float, default 0 [s]. |d| is less by so much, and at least 0: what an arm lags or leads by
         without a disturbance.
     tolerated
-        Float, default infinite. Standard deviations that the state may be off before the phase
+        Float, default None: never. Standard deviations that the state may be off before the phase
         slows: what was shown precisely waits until the state is there, also one that is off to
         the side, neither ahead nor behind.
     """
@@ -40,14 +40,14 @@ class PhaseRule:
     time_constant: float = 0.05
     deviation: float = 0.05
     ignored: float = 0.0
-    tolerated: float = math.inf
+    tolerated: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("slowest", "fastest", "time_constant", "deviation"):
             as_number(getattr(self, name), name)
         as_number(self.ignored, "ignored", strict=False)
-        if not self.tolerated > 0.0:
-            raise ValueError(f"tolerated is {self.tolerated}; it must be positive")
+        if self.tolerated is not None:
+            as_number(self.tolerated, "tolerated")
         if not self.slowest < 1.0 < self.fastest:
             raise ValueError(
                 f"slowest {self.slowest} and fastest {self.fastest} must lie on either side of 1,"
@@ -59,6 +59,7 @@ class PhaseRule:
         off.
         """
         heeded = math.copysign(max(abs(ahead) - self.ignored, 0.0), ahead)
-        waits = min(1.0, self.tolerated / off) ** 2 if off > 0.0 else 1.0
-        rate = waits * (1.0 + heeded / self.time_constant)
+        rate = 1.0 + heeded / self.time_constant
+        if self.tolerated is not None and off > self.tolerated:
+            rate *= (self.tolerated / off) ** 2
         return min(max(rate, self.slowest), self.fastest)
