@@ -229,8 +229,9 @@ def test_a_bad_demonstration_is_dropped_and_restored(lesson, throws):
     for row in rows[: len(LESSONS)]:
         assert row["readable"] and not row["dropped"] and 0.3 < row["duration"] < 3.0, row
     bad = rows[1]["id"]
-    dropped, _ = lesson.type("dart-skill", "demonstrations", "drop", bad)
-    assert "learn again" in dropped["message"]
+    assert [row["number"] for row in rows] == [*range(1, len(rows) + 1)]
+    dropped, _ = lesson.type("dart-skill", "demonstrations", "drop", "2")
+    assert "learn again" in dropped["message"] and dropped["id"] == bad
     learned = lesson.call("/skill_learner/learn", at_least=len(rows))
     assert learned.success and f"dropped: {bad}" in learned.message, learned.message
     assert lesson.call("/skill_learner/drop_demonstration", id=bad, restore=True).success

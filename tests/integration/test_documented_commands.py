@@ -268,7 +268,7 @@ TYPED = {
     "dart-skill learn": OnTheGraph(says="model [0-9a-f]+"),
     "dart-skill learn --at-least 3": OnTheGraph("--at-least 2", says="model [0-9a-f]+"),
     "dart-skill demonstrations": OnTheGraph(says="taught: a throw to"),
-    "dart-skill demonstrations drop ID": Elsewhere(
+    "dart-skill demonstrations drop 3": Elsewhere(
         f"{HARDWARE}test_a_bad_demonstration_is_dropped_and_restored"
     ),
     "dart-skill demo --model monday_model.npz": MODEL,

@@ -19,8 +19,8 @@ NOT_A_DATE = 1e9
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     parser.description = (
-        "What a graph that runs was shown so far. A bad demonstration is dropped by its id, for"
-        " the learner and in the bag."
+        "What a graph that runs was shown so far. A bad demonstration is dropped by its number or"
+        " id, for the learner and in the bag."
     )
     parser.add_argument(
         "task",
@@ -30,7 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="default: list",
     )
     parser.add_argument(
-        "id", metavar="ID", nargs="?", help="of a demonstration, to drop or restore it"
+        "id",
+        metavar="ID",
+        nargs="?",
+        help="of a demonstration, or its number in the list, to drop or restore it",
     )
     parser.add_argument(
         "--compare", action="store_true", help="also how far each is from what the others teach"
@@ -43,18 +46,32 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """List, drop or restore; returns the exit status."""
     if (options.id is None) != (options.task == "list"):
         parser.error(
-            "drop and restore need the ID of one demonstration, which the list shows; the list"
-            " needs none"
+            "drop and restore need the number or ID of one demonstration, which the list shows;"
+            " the list needs none"
         )
 
     def task(client: "GraphClient") -> dict:
         if options.task == "list":
             return _listed(client, options.compare)
-        text = client.drop(options.id, restore=options.task == "restore")
-        told = {"text": text, "message": text, "id": options.id, "ok": True}
+        name = id_of(client, options.id)
+        text = client.drop(name, restore=options.task == "restore")
+        told = {"text": text, "message": text, "id": name, "ok": True}
         return {**told, "next": "dart-skill learn"}
 
     return on_running_graph(options, lambda client: client.wait_for_learner(PATIENCE), task)
+
+
+def id_of(client: "GraphClient", given: str) -> str:
+    """The id of a demonstration, given that or its number in the list; ValueError for a number that
+    it does not have.
+    """
+    if not given.isdecimal():
+        return given
+    shown = client.demonstrations().demonstrations
+    if not 1 <= int(given) <= len(shown):
+        have = f"numbers 1 to {len(shown)}" if shown else "nothing in it yet"
+        raise ValueError(f"no demonstration {given}: the list has {have}")
+    return shown[int(given) - 1].id
 
 
 def _listed(client: "GraphClient", compare: bool) -> dict:
@@ -62,6 +79,7 @@ def _listed(client: "GraphClient", compare: bool) -> dict:
 
     rows = [
         {
+            "number": number,
             "id": one.id,
             "stamp": conversions.stamp_ns(one.header.stamp) * 1e-9,
             "duration": conversions.seconds(one.duration),
@@ -75,7 +93,7 @@ def _listed(client: "GraphClient", compare: bool) -> dict:
                 else {}
             ),
         }
-        for one in client.demonstrations(compare=compare).demonstrations
+        for number, one in enumerate(client.demonstrations(compare=compare).demonstrations, 1)
     ]
     text = "\n".join(map(_line, rows)) or "nothing has been shown yet"
     return {
@@ -108,4 +126,5 @@ def _line(row: dict) -> str:
             f" teach{', an outlier' if row['outlier'] else ''}"
         )
     )
-    return f"{row['id']}  {when}  {row['duration']:.2f} s  {state}: {row['finding']}{unlike}"
+    told = f"{when}  {row['duration']:.2f} s  {state}: {row['finding']}{unlike}"
+    return f"{row['number']:3d}  {row['id']}  {told}"
