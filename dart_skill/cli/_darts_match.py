@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -95,11 +96,13 @@ def _match(options: argparse.Namespace) -> int:
     mine, theirs = _spread(options, "", "sigma"), _spread(options, "against_", "against")
     # what cannot be is said before anything is computed
     match_chance(0.5, 0.5, options.legs, options.first)
+    _say("both play their best (1 of 3) ...")
     best = solve_match(mine, theirs, options.start)
     me, them = best.me.player, best.them.player
-    answer, fewest = (
-        solve_match(me, them, options.start, (play, "turns")) for play in ("best", "turns")
-    )
+    _say("your best against one who counts turns (2 of 3) ...")
+    answer = solve_match(me, them, options.start, ("best", "turns"))
+    _say("both count turns (3 of 3) ...")
+    fewest = solve_match(me, them, options.start, ("turns", "turns"))
     result = {
         "start": options.start,
         "leg": _chances(best),
@@ -115,6 +118,11 @@ def _match(options: argparse.Namespace) -> int:
     }
     print(json.dumps(result, indent=1) if options.json else "\n".join(_lines(result)))
     return 0
+
+
+def _say(what: str) -> None:
+    """Progress, of a computation that takes half a minute for each part."""
+    print(f"darts match: {what}", file=sys.stderr, flush=True)
 
 
 def _pair(policy: MatchPolicy) -> tuple[float, float]:

@@ -209,6 +209,12 @@ def test_a_match_reads_well_as_text(run, match_from_11):
     assert "no aim of a first dart depends on what they have left" in text or "left: " in text
 
 
+def test_a_match_says_how_far_it_is(capsys):
+    assert main(["darts", "match", "--sigma", "12", "--against", "15", "--start", "8"]) == 0
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 3 and all(f"({n} of 3)" in line for n, line in enumerate(said, 1))
+
+
 @pytest.mark.slow
 def test_each_player_of_a_match_has_a_spread_of_any_kind(run):
     mine, theirs = (
