@@ -572,6 +572,16 @@ class Moment:
         velocity = self.state[d:] - (1.0 - rate) * self.alone[:d]
         return velocity, self.acceleration - (1.0 - rate**2) * self.alone[d:]
 
+    def aside(self, away: np.ndarray) -> float:
+        """How many standard deviations a robot that is so far away (d,) is beside the way of the
+        phase: a robot that is on it is ahead or behind.
+        """
+        way = self.alone[: len(away)]
+        precise = np.linalg.solve(self.spread, np.column_stack([away, way]))
+        whole, shared, length = away @ precise[:, 0], away @ precise[:, 1], way @ precise[:, 1]
+        along = shared**2 / length if length > 0.0 else 0.0
+        return float(np.sqrt(max(whole - along, 0.0)))
+
 
 class AutonomousPolicy:
     """The policy for one situation, made by `AutonomousDSGMR.policy`.

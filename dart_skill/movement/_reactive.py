@@ -19,12 +19,15 @@ class Reaction(NamedTuple):
 
     Parameters
     ----------
+    along
+        The rate that would be, were it for what the robot is ahead or behind alone.
     moment
         What belongs to the phase in the frames of now.
     """
 
     phase: float
     rate: float
+    along: float
     moment: Moment
 
 
@@ -73,7 +76,6 @@ class ReactivePolicy:
         away = as_vector(position, "position", d) - moment.state[:d]
         faster = as_vector(velocity, "velocity", d) - moment.paced(pace)[0]
         ahead = moment.gain @ np.concatenate([away, faster])
-        off = np.sqrt(away @ np.linalg.solve(moment.spread, away))
-        rate = rule.rate(float(ahead), float(off))
+        rate = rule.rate(float(ahead), moment.aside(away))
         self.phase = min(self.phase + rate * as_number(step, "step", strict=False), self._end)
-        return Reaction(self.phase, rate, moment)
+        return Reaction(self.phase, rate, rule.rate(float(ahead)), moment)

@@ -39,8 +39,8 @@ Frames = Callable[[Mapping[str, BodyMotion]], Sequence[StateFrame]]
 """From the motions of the bodies now, by name, to the task frames of the features [t, x, y, z]."""
 
 STUCK = 0.005
-"""A hand that waits, and is no farther from where it shall be, is held by friction [m]; what is left
-is taken out. One that is farther is held by somebody.
+"""A hand that stays behind, and is no farther from where it shall be, is held by friction [m]; what
+is left is taken out. One that is farther is held by somebody.
 """
 PACING = 0.1
 """Time constant with which the expected speed follows the rate of the phase [s]: that follows late
@@ -135,7 +135,7 @@ class ReactiveGuide:
         self._registration = registration or Registration()
         self._hand_seen, self._rest = HandSeen(hand, self._registration), RestTakenOut()
         self._farthest = self._s.catch_up * damping / stiffness
-        self._then, self._ended, self._pace = 0.0, 0.0, 1.0
+        self._then, self._ended, self._pace, self._along = 0.0, 0.0, 1.0, 1.0
 
     @property
     def phase(self) -> float:
@@ -173,7 +173,9 @@ class ReactiveGuide:
             self.phase,
             self._policy.react(frames, hand.position + seen.shift, hand.linear, step, self._pace),
         )
-        self._pace += (min(reaction.rate, 1.0) - self._pace) * min(step / PACING, 1.0)
+        share = min(step / PACING, 1.0)
+        self._pace += (min(reaction.rate, 1.0) - self._pace) * share
+        self._along += (min(reaction.along, 1.0) - self._along) * share
         if not self._policy.is_over:
             self._policy.phase = self._fingers.held(before, self.phase, reaction.rate, step)
         self._ended += step if self._policy.is_over else 0.0
@@ -181,7 +183,7 @@ class ReactiveGuide:
         wanted = self._reference(reaction, hand, seen)
         left = hand.position - wanted.position
         turned = rotation_error(hand.rotation, wanted.rotation)
-        most = STUCK if self._pace < AS_SHOWN else LARGEST_REST
+        most = STUCK if self._along < AS_SHOWN else LARGEST_REST
         rest = self._rest.at(time, np.concatenate([left, turned]), most)
         return Guidance(
             time=self.phase,

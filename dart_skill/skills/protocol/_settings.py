@@ -151,7 +151,7 @@ class SkillSettings:
     fastest: float = 1.3
     time_constant: float = 0.02
     ignored: float = 0.01
-    tolerated: float = 2.0
+    tolerated: float = 3.0
     catch_up: float = 0.25
 
     registration: KnownRegistration | None = None

@@ -211,3 +211,14 @@ def test_beside_the_path_is_neither_ahead_nor_behind_and_waits_where_it_must_be_
         policy.phase = 1.5
         rates.append(policy.react(frames, moment.state[:3] + aside, moment.state[3:], STEP).rate)
     assert rates[0] > 0.7 and rates[1] < 0.5 * rates[0]
+
+
+def test_a_robot_on_its_way_is_ahead_or_behind_and_not_beside_it(model):
+    frames = [start_frame(START, n_angles=0), TaskFrame(np.eye(4), [0.0, *GOAL])]
+    moment = model.moment(frames, 0.9)
+    along = 0.02 * moment.alone[:3] / np.linalg.norm(moment.alone[:3])
+    assert moment.aside(along) == pytest.approx(0.0, abs=1e-6)
+    across = np.cross(along, [0.0, 0.0, 1.0])
+    far = np.sqrt(across @ np.linalg.solve(moment.spread, across))
+    assert 0.0 < moment.aside(across) <= far + 1e-9
+    assert moment.aside(across + 5.0 * along) == pytest.approx(moment.aside(across))
