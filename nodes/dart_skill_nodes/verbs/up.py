@@ -163,7 +163,7 @@ class Status:
                 self._said[name] = status.level
                 url = status.message.partition(",")[0]
                 is_page = name == "viewer" and url.startswith("http")
-                message = f"open {page(url)}" if is_page else status.message
+                message = page(url) if is_page else status.message
                 self._tell(
                     LEVELS[status.level],
                     node=name,
