@@ -207,8 +207,8 @@ def load_registration(path: str | Path) -> KnownRegistration:
         ) from error
 
 
-def _section(content: Any, name: str) -> dict:
-    section = content.get(name) if isinstance(content, dict) else None
+def _section(content: dict, name: str) -> dict:
+    section = content.get(name)
     if not isinstance(section, dict) or set(section) != set(PARTS):
         raise ValueError(f"its section '{name}' must have {', '.join(PARTS)}")
     return section

@@ -103,26 +103,33 @@ def _parameters(name: str, section: str, described: str = "") -> dict:
     ValueError
         Names the file, the entry and what it must be, for one that is out of its range.
     """
-    content, path = load_yaml(name), config_path(name)
+    path = config_path(name)
+    content = read_yaml(path)
     if section not in content:
         raise KeyError(f"{name} has no section '{section}', only {sorted(map(str, content))}")
-    rows = content[section]
-    values = rows.get("ros__parameters") if isinstance(rows, dict) else None
+    told = content[section]
+    values = told.get("ros__parameters") if isinstance(told, dict) else None
     if not isinstance(values, dict):
         raise ValueError(
             f"{path}: '{section}' has no mapping 'ros__parameters' of names and values"
         )
-    ranges = _ranges(described, config_path("parameters.yaml").stat().st_mtime_ns)
-    for key in values.keys() & ranges.keys():
-        check_number(values[key], f"{path}: {key}", *ranges[key])
+    rows = described_parameters().get(described) or {}
+    for key, row in rows.items():
+        if key in values and "range" in row:
+            check_number(values[key], f"{path}: {key}", *row["range"])
     return dict(values)
 
 
-@lru_cache(maxsize=64)
-def _ranges(section: str, _changed_ns: int) -> dict[str, list[float]]:
-    """Range of each number of a section of parameters.yaml, as it was when it changed last."""
-    rows = load_yaml("parameters.yaml").get(section) or {}
-    return {name: row["range"] for name, row in rows.items() if "range" in row}
+def described_parameters() -> dict:
+    """What each parameter of the nodes is, by section and name, from config/parameters.yaml."""
+    path = config_path("parameters.yaml")
+    return _read_once(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=2)
+def _read_once(path: Path, _changed_ns: int) -> dict:
+    """A YAML file as it was when it changed last."""
+    return read_yaml(path)
 
 
 def check_number(value: Any, name: str, low: float, high: float) -> None:

@@ -14,7 +14,7 @@ from dart_skill.common.checks import as_number
 class PhaseRule:
     """How the state changes the phase: s' = clip(c (1 + d / T), slowest, fastest), where d [s] is
     how far the state is ahead of the phase, and c = min(1, (tolerated / m)^2) for a state that is
-    m standard deviations from where it shall be.
+    m standard deviations beside its way.
 
     Parameters
     ----------
@@ -30,9 +30,8 @@ class PhaseRule:
         Float, default 0 [s]. |d| is less by so much, and at least 0: what an arm lags or leads by
         without a disturbance.
     tolerated
-        Float, default None: never. Standard deviations that the state may be off before the phase
-        slows: what was shown precisely waits until the state is there, also one that is off to
-        the side, neither ahead nor behind.
+        Float, default None: any. Standard deviations that the state may be beside its way, neither
+        ahead nor behind, before the phase slows: what was shown precisely waits for it.
     """
 
     slowest: float = 0.05
@@ -54,12 +53,12 @@ class PhaseRule:
                 " the demonstrated pace"
             )
 
-    def rate(self, ahead: float, off: float = 0.0) -> float:
+    def rate(self, ahead: float, aside: float = 0.0) -> float:
         """s' for a state that is so far ahead of the phase [s], and so many standard deviations
-        off.
+        beside its way.
         """
         heeded = math.copysign(max(abs(ahead) - self.ignored, 0.0), ahead)
         rate = 1.0 + heeded / self.time_constant
-        if self.tolerated is not None and off > self.tolerated:
-            rate *= (self.tolerated / off) ** 2
+        if self.tolerated is not None and aside > self.tolerated:
+            rate *= (self.tolerated / aside) ** 2
         return min(max(rate, self.slowest), self.fastest)

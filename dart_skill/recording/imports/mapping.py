@@ -349,13 +349,12 @@ def load_mapping(path: str | os.PathLike) -> RecordingMapping:
     """
     path = Path(path)
     try:
-        return parse_mapping(read_yaml(path), str(path))
+        content = read_yaml(path)
     except OSError as error:
         raise MappingError(f"{path}: {error.strerror}") from error
-    except MappingError:
-        raise
     except ValueError as error:
         raise MappingError(str(error)) from error
+    return parse_mapping(content, str(path))
 
 
 def parse_mapping(content: Any, place: str = "mapping") -> RecordingMapping:

@@ -223,14 +223,14 @@ class PractisingSkill:
             )
         self.steadiness.add((*plan.thrown.target, plan.release), late, miss - explained)
         self._n_told += 1
-        explained_more = explained - self._middle(plan)
+        beyond_usual = explained - self._middle(plan)
         if self.hand is not None:
-            confirmed = self._confirms(place, miss, explained_more)
+            confirmed = self._confirms(place, miss, beyond_usual)
             self.hand.add(delay, seen.release.time_uncertainty, confirmed)
         if self.search is not None:
             self.search.tell(plan, seen.task)
         if self.correction is not None:
-            self.correction.add(place, miss, explained_more)
+            self.correction.add(place, miss, beyond_usual)
         verdict = self._bootstrap(trial) if self.method in ("bootstrap", "both") else Verdict(True)
         share = 1.0 if self.correction is None else self.correction.share
         # The plan was meant for another place if it was corrected.

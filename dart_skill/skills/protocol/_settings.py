@@ -117,7 +117,7 @@ class SkillSettings:
     ignored
         What a hand lags or leads by without a disturbance [s].
     tolerated
-        How far a hand may be from where it was shown before the movement waits for it, in standard
+        How far a hand may be beside its way before the movement waits for it, in standard
         deviations of what was shown.
     catch_up
         A hand that was left behind catches up no faster than so much above the speed of the motion

@@ -238,8 +238,8 @@ class PersonAtTheArm:
     def _check_heard(self, since_ns: int) -> bool:
         if not self._has_heard(since_ns):
             raise ValueError(
-                f"no state of the arm has come on /joint_states since the last {self._skill.words.trial}: is"
-                " its driver running?"
+                "no state of the arm has come on /joint_states since the last"
+                f" {self._skill.words.trial}: is its driver running?"
             )
         return True
 

@@ -212,10 +212,12 @@ class Viewer(GuardedNode):
             self.refusals.add(DIAGNOSTICS, error)
 
     def _describe(self):
+        address = url_of(self._server)
         return (
             OK,
-            f"{url_of(self._server)}, with the token that was printed where it was started",
+            f"{address}, with the token that was printed where it was started",
             {
+                "address": address,
                 "browsers": len(self._server.get_clients()),
                 "demonstrations": len(self._demonstrations),
             },

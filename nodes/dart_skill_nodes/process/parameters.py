@@ -20,14 +20,12 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
-from dart_skill.common.configuration import load_yaml, node_parameters
+from dart_skill.common.configuration import described_parameters, node_parameters
 from dart_skill.common.world import the_world
 
 if TYPE_CHECKING:
     from dart_skill.skills.protocol import Skill
 
-TABLES = "parameters.yaml"
-"""File of config/ with a table of parameters for each node."""
 FILES = {"mock_optitrack": "optitrack.yaml"}
 """Files of values that are not called as their node."""
 
@@ -40,7 +38,7 @@ def described(section: str) -> dict[str, dict[str, Any]]:
 
     section: name of the executable; "limits": those that several nodes share.
     """
-    rows = load_yaml(TABLES).get(section, {})
+    rows = described_parameters().get(section, {})
     return {name: {"about": row} if isinstance(row, str) else row for name, row in rows.items()}
 
 

@@ -156,14 +156,13 @@ class Status:
             name = in_graph(self._node, status.name)
             if name is None:
                 continue
-            if {pair.key: pair.value for pair in status.values}.get("process") not in self.own:
+            values = {pair.key: pair.value for pair in status.values}
+            if values.get("process") not in self.own:
                 self.strangers |= {name} & set(self._nodes)
             elif name in self.silent or (name in self._said and self._said[name] != status.level):
                 self.silent.discard(name)
                 self._said[name] = status.level
-                url = status.message.partition(",")[0]
-                is_page = name == "viewer" and url.startswith("http")
-                message = page(url) if is_page else status.message
+                message = page(values["address"]) if "address" in values else status.message
                 self._tell(
                     LEVELS[status.level],
                     node=name,
