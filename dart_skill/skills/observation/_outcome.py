@@ -25,6 +25,7 @@ from dart_skill.skills.observation._grip import grip_path, seen_grip
 from dart_skill.skills.observation._noise import position_noise
 from dart_skill.skills.observation._parting import parting, parting_instant
 
+MARKED = 0.01  # what the markers of ball and hand may be off from where they are held [m]
 TAIL = 6  # samples that tell how a ball moved when it was last seen
 MAX_UNSEEN = 0.15  # longest time that a flight is extrapolated beyond its last sample [s]
 SIDE = 4  # samples of the hand that are needed before the release, and after it
@@ -189,14 +190,14 @@ def fit_release(
             " tracked?"
         )
     fit, kept = free.fit, free.samples
-    near = _nearest_approach(fit, hand_time, grip)
+    near, apart = _nearest_approach(fit, hand_time, grip), max(ball.radius, MARKED)
     hand = (
         hand_time,
         np.asarray(hand_position, dtype=float),
         np.asarray(hand_quaternion, dtype=float),
     )
     seen = seen_grip(
-        (ball_time, ball_position), hand, near, np.asarray(grip_offset, dtype=float), ball.radius
+        (ball_time, ball_position), hand, near, np.asarray(grip_offset, dtype=float), apart
     )
     grip = hand[1] + rotate(hand[2], seen[None])
     for last in (False, True):
@@ -216,7 +217,7 @@ def fit_release(
                 ),
                 time,
             )
-    if distance > ball.radius:
+    if distance > apart:
         raise ValueError(
             f"the flight passes the grip point at {1e3 * distance:.0f} mm: it did not start in"
             " this hand; check grip_offset and that hand and ball are given in one frame"

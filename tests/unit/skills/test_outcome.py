@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.common.flight import TENNIS_BALL, flight, landing
+from dart_skill.common.flight import DART, TENNIS_BALL, flight, landing
 from dart_skill.skills.observation import find_flight, fit_release, judge_flight, parting
 
 GRIP = np.array([0.0, 0.0, 0.1135])
@@ -20,7 +20,8 @@ ORIGIN = 100.0
 class Throw:
     """A hand that swings on a curved path and lets go at RELEASE; the truth and its samples."""
 
-    def __init__(self, seed=0, azimuth=0.3, peak_speed=4.6, release=RELEASE):
+    def __init__(self, seed=0, azimuth=0.3, peak_speed=4.6, release=RELEASE, ball=TENNIS_BALL):
+        self.thrown = ball
         self.rng = np.random.default_rng(seed)
         self.azimuth, self.peak_speed, self.release = azimuth, peak_speed, release
         self.rotation = Rotation.from_euler("z", azimuth)
@@ -44,7 +45,9 @@ class Throw:
         return np.squeeze(position + pose.apply(GRIP))
 
     def ball(self, time):
-        flown, _ = flight(self.position, self.velocity, np.maximum(time - self.release, 0.0))
+        flown, _ = flight(
+            self.position, self.velocity, np.maximum(time - self.release, 0.0), self.thrown
+        )
         return np.where((time < self.release)[:, None], self.grip(time), flown)
 
     def landing(self, rim_z):
@@ -133,6 +136,19 @@ def test_release_with_a_calibration_offset_and_a_ball_hidden_when_it_leaves():
     assert found.time - ORIGIN == pytest.approx(RELEASE, abs=1e-3)
     np.testing.assert_allclose(
         found.velocity, throw.velocity, rtol=0.0, atol=3e-3 * np.linalg.norm(throw.velocity)
+    )
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_markers_may_be_farther_from_a_dart_than_it_is_thick(seed):
+    """On an arm of the fleet, with markers 3 mm off, 7 of 8 demonstrations were refused."""
+    throw = Throw(seed, ball=DART)
+    time, position = until(throw.ball_samples(), 1.7)
+    off = 5e-3 * Rotation.random(random_state=seed).as_matrix()[0]
+    found = fit_release(time, position + off, *throw.hand_samples(), GRIP, DART)
+    assert found.time - ORIGIN == pytest.approx(RELEASE, abs=3e-3)
+    np.testing.assert_allclose(
+        found.velocity, throw.velocity, rtol=0.0, atol=5e-3 * np.linalg.norm(throw.velocity)
     )
 
 
