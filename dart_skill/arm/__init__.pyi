@@ -9,6 +9,7 @@ from dart_skill.arm._command import check_command as check_command
 from dart_skill.arm._commander import Commander as Commander
 from dart_skill.arm._commander import Mode as Mode
 from dart_skill.arm._contact import ContactSearch as ContactSearch
+from dart_skill.arm._contact import Yielding as Yielding
 from dart_skill.arm._description import DART as DART
 from dart_skill.arm._description import HeldBall as HeldBall
 from dart_skill.arm._description import WamDescription as WamDescription

@@ -15,6 +15,7 @@ from enum import Enum
 import numpy as np
 
 from dart_skill.arm._command import REST_SPEED, ArmState, Command, Speed
+from dart_skill.arm._contact import Yielding
 from dart_skill.arm._description import WamDescription, wam_description
 from dart_skill.arm._guide import CarefulGuide, Guide, PlanGuide
 from dart_skill.arm._hand_pull import HandPull
@@ -163,16 +164,16 @@ class Commander:
                 self.settings.follow_time,
                 seen.registration,
                 self.settings.limits.contact_force,
-                self._compliance,
+                self._yielding,
             )
         else:
             guide = PlanGuide(plan, self.settings.follow_time)
         self.follow(guide)
 
-    def _compliance(self, gains: PoseGains, carries: bool) -> np.ndarray:
-        """How far a force moves the hand in the newest state (3, 3) [m/N]."""
+    def _yielding(self, gains: PoseGains, carries: bool, touches: bool) -> Yielding:
+        """How far the hand gives way to a force in the newest state."""
         assert self._last is not None  # a guide is asked about a state
-        return self._pull.compliance(self._last.position, gains, carries)
+        return self._pull.yielding(self._last.position, gains, carries, touches)
 
     def follow(self, guide: Guide) -> None:
         """Begin a motion with the next state, in which a guide says at every state what the hand

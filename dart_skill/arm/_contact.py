@@ -11,6 +11,7 @@ uncertainty", IROS 2001).
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,8 @@ force, shall not hold what it carries against the spiral.
 """
 LEAST_FELT = 0.005
 """A hand that is less far behind is not held back [m]: so late a free one may be."""
+BESIDE = 0.001
+"""A hand that is nearer to where it is pulled presses against nothing [m]."""
 SLOWEST = 0.005
 """Planned speed below which the motion has no direction in which it could be held back [m/s]."""
 PITCH = 0.003
@@ -38,6 +41,25 @@ TRIES = 2
 """Searches from the outside, until the motion is given up."""
 
 
+class Yielding(NamedTuple):
+    """How far the hand gives way to a force, by the law that pulls it.
+
+    Parameters
+    ----------
+    compliance
+        From a force to how far it holds the hand back, while the arm does the same, (3, 3) [m/N].
+    lead
+        A hand that is slower than wanted by v is pulled like one that is v times this behind [s].
+    """
+
+    compliance: np.ndarray
+    lead: float
+
+
+Yields = Callable[[], Yielding]
+"""Tells it of a hand that is behind."""
+
+
 class ContactSearch:
     """Watches one motion for contact, and searches.
 
@@ -47,10 +69,10 @@ class ContactSearch:
     Parameters
     ----------
     force
-        With which the hand may press at most [N].
+        With which the hand may press at most [N]; default: contact is not felt.
     """
 
-    def __init__(self, force: float):
+    def __init__(self, force: float = np.inf):
         self._force = force
         self._tries, self._backs_until = 0, 0.0
         self._axis: np.ndarray | None = None
@@ -65,23 +87,29 @@ class ContactSearch:
         """What of a way (3,) is across the motion that is held back; all of it where none is."""
         return way if self._axis is None else way - (way @ self._axis) * self._axis
 
-    def too_hard(self, way: np.ndarray, compliance: Callable[[], np.ndarray]) -> np.ndarray:
-        """What of the way (3,) that a hand that is held back is aimed ahead would press too hard: along
-        the motion harder than a search shall, across it harder than the hand may; 0 where none is
-        held back.
+    def too_hard(self, way: np.ndarray, slower: np.ndarray, yields: Yields) -> np.ndarray:
+        """How much less far (3,) [m] a hand that is held back must be aimed, so that it presses along
+        the motion no harder than a search shall, across it no harder than the hand may; 0 where
+        none is held back.
 
         Parameters
         ----------
-        compliance
+        way
+            That the hand is aimed ahead (3,) [m].
+        slower
+            By how much it is slower than wanted (3,) [m/s].
+        yields
             As of `rate`.
         """
         if self._axis is None:
             return np.zeros(3)
-        gives, across = compliance(), self.across(way)
+        compliance, lead = yields()
+        pulled = way + lead * slower
+        across = self.across(pulled)
         aside = across / max(float(np.linalg.norm(across)), 1e-9)
         parts = ((self._axis, PRESSES), (aside, 1.0))
         return sum(
-            max(way @ axis - share * self._force * (axis @ gives @ axis), 0.0) * axis
+            max(pulled @ axis - share * self._force * (axis @ compliance @ axis), 0.0) * axis
             for axis, share in parts
         )
 
@@ -92,8 +120,9 @@ class ContactSearch:
         hand: np.ndarray,
         wanted: np.ndarray,
         velocity: np.ndarray,
+        slower: np.ndarray,
         carries: bool,
-        compliance: Callable[[], np.ndarray],
+        yields: Yields,
     ) -> float:
         """Rate of the plan's clock: 1 as planned, 0 while it is searched, -1 on the way back.
 
@@ -105,11 +134,12 @@ class ContactSearch:
             Where the hand is, and where it shall be (3,) [m].
         velocity
             Planned there (3,) [m/s].
+        slower
+            By how much the hand is slower than that (3,) [m/s].
         carries
             Whether the hand holds something.
-        compliance
-            Tells how far a force moves the hand, while the arm does the same, (3, 3) [m/N]; asked
-            only of a hand that is behind.
+        yields
+            Asked only of a hand that is behind.
         """
         if time < self._backs_until:
             return -1.0
@@ -120,7 +150,7 @@ class ContactSearch:
             )
         if self.fault or not carries:
             return 1.0
-        if self._axis is None and not self._meets(hand, wanted, velocity, compliance):
+        if self._axis is None and not self._meets(hand, wanted, velocity, slower, yields):
             return 1.0
         if (hand - self._met) @ self._axis > GAVE_WAY:
             self._axis = None
@@ -135,7 +165,8 @@ class ContactSearch:
         hand: np.ndarray,
         wanted: np.ndarray,
         velocity: np.ndarray,
-        compliance: Callable[[], np.ndarray],
+        slower: np.ndarray,
+        yields: Yields,
     ) -> bool:
         """Whether a hand that was free is held back from now on."""
         speed = float(np.linalg.norm(velocity))
@@ -143,9 +174,11 @@ class ContactSearch:
             return False
         axis = velocity / speed
         behind = (wanted - hand) @ axis
-        if behind < LEAST_FELT:
+        if behind < BESIDE:
             return False
-        if behind < FELT_SHARE * self._force * (axis @ compliance() @ axis):
+        compliance, lead = yields()
+        felt = FELT_SHARE * self._force * (axis @ compliance @ axis)
+        if behind + lead * (slower @ axis) < max(felt, LEAST_FELT):
             return False
         self._axis, self._met = axis, hand.copy()
         first = np.cross(self._axis, np.eye(3)[np.abs(self._axis).argmin()])

@@ -14,7 +14,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from dart_skill.arm._command import Speed
-from dart_skill.arm._contact import ContactSearch
+from dart_skill.arm._contact import ContactSearch, Yielding
 from dart_skill.arm._hand_seen import HandSeen, RestTakenOut, SeenOffset
 from dart_skill.arm._impedance import PoseGains, Reference, rotation_error
 from dart_skill.arm._model import HandState
@@ -47,9 +47,9 @@ EARLY = 1e-9
 """By which an event may be early [s]: times are rounded to the nanosecond."""
 
 
-Compliance = Callable[[PoseGains, bool], np.ndarray]
-"""From gains of a plan, and whether the hand carries something, to how far a force moves the hand
-that is pulled so, (3, 3) [m/N]."""
+Pull = Callable[[PoseGains, bool, bool], Yielding]
+"""From gains of a plan, whether the hand carries something, and whether that touches something, to how
+far the hand that is pulled so gives way to a force."""
 
 
 class Guidance(NamedTuple):
@@ -74,7 +74,7 @@ class Guidance(NamedTuple):
     posture
         Joint angles (7,) that the arm's free motion aims at [rad]; None: those of the start.
     touches
-        Whether something holds the hand back, which presses against it no harder.
+        Whether something holds the hand back, which presses against it no harder and is softer.
     """
 
     time: float
@@ -202,9 +202,8 @@ class CarefulGuide(PlanGuide):
     contact_force
         With which what the hand carries is pressed against what it touches [N]; default: contact is
         not felt, as with a plan that has a pace.
-    compliance
-        How far a force moves the hand, (3, 3) [m/N], with gains of the plan and with or without
-        something in the hand.
+    pull
+        How far the hand gives way to a force.
     """
 
     def __init__(
@@ -213,12 +212,12 @@ class CarefulGuide(PlanGuide):
         follow_time: float,
         registration: Registration | None = None,
         contact_force: float = math.inf,
-        compliance: Compliance = lambda gains, carries: np.eye(3),
+        pull: Pull = lambda gains, carries, touches: Yielding(np.eye(3), 0.0),
     ):
         super().__init__(plan, follow_time)
         self._hand_seen, self._rest = HandSeen(HAND, registration), RestTakenOut()
         self._contact = ContactSearch(contact_force if plan.pace is None else math.inf)
-        self._compliance = compliance
+        self._pull = pull
         self._then, self._waited, self._eased = 0.0, 0.0, 1.0
 
     def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
@@ -233,8 +232,11 @@ class CarefulGuide(PlanGuide):
         planned = super().look(time - self._waited, hand, stamp_ns)
         velocity, carries = planned.reference.velocity[:3], planned.carries
         aim = planned.reference.position - seen.shift + self._contact.aside
-        compliance = partial(self._compliance, planned.gains, carries)
-        rate = self._contact.rate(time, step, hand.position, aim, velocity, carries, compliance)
+        yields = partial(self._pull, planned.gains, carries, self._contact.touches)
+        slower = velocity - hand.velocity[:3]
+        rate = self._contact.rate(
+            time, step, hand.position, aim, velocity, slower, carries, yields
+        )
         change = self._ease(stamp_ns, step)
         rate, change = (self._eased, change) if rate == 1.0 else (rate, 0.0)
         # the way back ends where the plan begins
@@ -246,8 +248,12 @@ class CarefulGuide(PlanGuide):
         left = self._contact.across(hand.position - wanted.position)
         turned = rotation_error(hand.rotation, wanted.rotation)
         rest = self._rest.at(time, np.concatenate([left, turned]))
-        ahead = wanted.position - rest.shift - hand.position
-        rest = rest._replace(shift=rest.shift + self._contact.too_hard(ahead, compliance))
+        if carries:
+            ahead = wanted.position - rest.shift - hand.position
+            slower = wanted.velocity[:3] - hand.velocity[:3]
+            yields = partial(self._pull, planned.gains, carries, self._contact.touches)
+            less = self._contact.too_hard(ahead, slower, yields)
+            rest = rest._replace(shift=rest.shift + less)
         return planned._replace(
             reference=shifted(wanted, rest),
             fault=planned.fault or self._contact.fault,

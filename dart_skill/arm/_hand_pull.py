@@ -5,6 +5,7 @@ the joints follow.
 import numpy as np
 
 from dart_skill.arm._command import ArmState
+from dart_skill.arm._contact import Yielding
 from dart_skill.arm._description import WamDescription
 from dart_skill.arm._drive import coasted, cut, with_swing
 from dart_skill.arm._guide import Guidance
@@ -41,6 +42,7 @@ class HandPull:
             (settings.tracking_stiffness, settings.tracking_damping),
             (settings.tracking_stiffness_rotation, settings.tracking_damping_rotation),
         )
+        self._second_pull = self._tracking if settings.tracking == "hand" else None
         self.begin(np.zeros(N_JOINTS))
 
     def begin(self, posture: np.ndarray) -> None:
@@ -73,14 +75,16 @@ class HandPull:
             wrench, torque = self._follow(state, now, time, careful)
         else:
             arm, q, qd = self._arms[now.carries], state.position, state.velocity
-            tracking = self._tracking if self._settings.tracking == "hand" else None
+            tracking = None if now.touches and now.carries else self._second_pull
             acceleration = arm.pulled(q, qd, now.reference, now.gains, tracking)
             wrench, torque = arm.act(q, qd, acceleration, self._aim(q, now))
         limits = self._settings.limits
         return cut(wrench, limits.strongest_force, limits.strongest_moment), torque
 
-    def compliance(self, position: np.ndarray, gains: PoseGains, carries: bool) -> np.ndarray:
-        """How far a force moves the hand that is pulled to a place at rest, (3, 3) [m/N].
+    def yielding(
+        self, position: np.ndarray, gains: PoseGains, carries: bool, touches: bool = False
+    ) -> Yielding:
+        """How far the hand that is pulled to a place gives way to a force.
 
         Parameters
         ----------
@@ -90,16 +94,22 @@ class HandPull:
             Of the law (7.19).
         carries
             Whether the hand holds something.
+        touches
+            As of `Guidance`.
         """
         model = self._arms[carries].model
         jacobian = model.jacobian(position)[:3]
         if self._settings.tracking == "joints":
-            return jacobian / self._servo.FOLLOWING.stiffness @ jacobian.T
+            # their dampers pull little, and late speeds in what is wanted would make the arm swing
+            return Yielding(jacobian / self._servo.FOLLOWING.stiffness @ jacobian.T, 0.0)
         mobility = jacobian @ np.linalg.solve(model.mass_matrix(position), jacobian.T)
-        stiffness = gains.stiffness if gains.stiffness.ndim == 2 else np.diag(gains.stiffness)
-        if self._settings.tracking == "hand":
-            stiffness = stiffness + np.diag(self._tracking.stiffness)
-        return np.linalg.solve(stiffness[:3, :3], mobility)
+        laws = [gains] if touches or self._second_pull is None else [gains, self._second_pull]
+        stiffness, damping = (
+            sum(np.diag(part) if part.ndim == 1 else part for part in parts)[:3, :3]
+            for parts in zip(*((law.stiffness, law.damping) for law in laws), strict=True)
+        )
+        lead = float(np.trace(damping) / np.trace(stiffness))
+        return Yielding(np.linalg.solve(stiffness, mobility), lead)
 
     def _aim(self, position: np.ndarray, now: Guidance) -> np.ndarray:
         """What the free motion of the arm aims at (7,): the posture of the start, or of the plan,

@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 
-from dart_skill.arm import ContactSearch
+from dart_skill.arm import ContactSearch, Yielding
 
 STEP, FORCE, FELT = 0.002, 20.0, 0.01
-SOFT = np.diag([0.5e-3, 0.5e-3, 1.25e-3])
-"""Compliance of the hand [m/N]: contact is felt at 10 mm, and a search presses with 6.25 mm."""
+SOFT = Yielding(np.diag([0.5e-3, 0.5e-3, 1.25e-3]), 0.0)
+"""Of the hand: contact is felt at 10 mm, and a search presses with 6.25 mm."""
+STILL = np.zeros(3)
+"""Of a hand that is as fast as wanted [m/s]."""
+STIFF = Yielding(1e-4 * np.eye(3), 0.08)
+"""Of a hand that 20 N move by 2 mm, or that is slower than wanted by 2.5 cm/s."""
 DOWN = np.array([0.0, 0.0, -0.04])
 """Planned velocity [m/s]."""
 
@@ -24,7 +28,7 @@ def lowered(hole, seconds=15.0, carries=True, velocity=DOWN, play=0.003):
         hand = wanted.copy()
         if not (through or inside):
             hand[2] = max(hand[2], 0.0)
-        rate = search.rate(STEP * k, STEP, hand, wanted, velocity, carries, lambda: SOFT)
+        rate = search.rate(STEP * k, STEP, hand, wanted, velocity, STILL, carries, lambda: SOFT)
         rows.append((hand, wanted, rate))
         planned = planned + rate * STEP * velocity
         if search.fault:
@@ -62,12 +66,12 @@ def test_friction_at_the_rim_does_not_hold_what_a_soft_hand_carries(place):
     planned, hand = np.array([0.0, 0.0, 0.03]), np.array([0.0, 0.0, 0.03])
 
     def gives():
-        return soft * np.eye(3)
+        return Yielding(soft * np.eye(3), 0.0)
 
     for k in range(round(10.0 / STEP)):
         wanted = planned + search.aside
-        rate = search.rate(STEP * k, STEP, hand, wanted, DOWN, True, gives)
-        aim = wanted - search.too_hard(wanted - hand, gives)
+        rate = search.rate(STEP * k, STEP, hand, wanted, DOWN, STILL, True, gives)
+        aim = wanted - search.too_hard(wanted - hand, STILL, gives)
         holds = friction * max(hand[2] - aim[2], 0.0) if hand[2] <= 0.0 else 0.0
         pull = aim[:2] - hand[:2]
         if (size := np.hypot(*pull)) > holds:
@@ -108,24 +112,41 @@ def test_a_hand_that_is_held_back_is_aimed_no_farther_than_the_force_allows():
     _, search = lowered(None, 2.0)
     assert search.touches
     np.testing.assert_allclose(
-        search.too_hard(np.array([0.03, 0.0, -0.03]), lambda: SOFT),
+        search.too_hard(np.array([0.03, 0.0, -0.03]), STILL, lambda: SOFT),
         [0.02, 0.0, -0.02375],
         atol=1e-12,
     )
-    assert not search.too_hard(np.array([0.0, 0.0, -0.006]), lambda: SOFT).any()
-    assert not search.too_hard(np.array([0.0, 0.0, 0.03]), lambda: SOFT).any()
+    assert not search.too_hard(np.array([0.0, 0.0, -0.006]), STILL, lambda: SOFT).any()
+    assert not search.too_hard(np.array([0.0, 0.0, 0.03]), STILL, lambda: SOFT).any()
     np.testing.assert_allclose(
-        search.too_hard(np.array([0.008, -0.006, 0.0]), lambda: 1e-4 * np.eye(3)),
+        search.too_hard(np.array([0.008, -0.006, 0.0]), STILL, lambda: STIFF),
         [0.0064, -0.0048, 0.0],
     )
-    assert not ContactSearch(FORCE).too_hard(np.array([0.0, 0.0, -0.03]), lambda: SOFT).any()
+    assert not ContactSearch().too_hard(np.array([0.0, 0.0, -0.03]), STILL, lambda: STIFF).any()
+
+
+def test_a_search_of_a_stiff_hand_presses_with_spring_and_damper_together():
+    search = ContactSearch(FORCE)
+    stands = np.zeros(3), np.array([0.0, 0.0, -0.006]), DOWN, DOWN
+    assert search.rate(0.0, STEP, *stands, True, lambda: STIFF) == 0.0
+    way, slower = np.array([0.0, 0.0, -0.002]), np.array([0.0, 0.0, -0.005])
+    aimed = way - search.too_hard(way, slower, lambda: STIFF)
+    assert (aimed + STIFF.lead * slower) / 1e-4 == pytest.approx([0.0, 0.0, -0.25 * FORCE])
 
 
 def test_a_stiff_hand_that_is_late_is_not_held_back():
     """What 8 N ask of it is 0.8 mm: so late it is without any contact."""
     for behind, touches in ((0.0049, False), (0.0051, True)):
         search, aim = ContactSearch(FORCE), np.array([0.0, 0.0, -behind])
-        search.rate(0.0, STEP, np.zeros(3), aim, DOWN, True, lambda: 1e-4 * np.eye(3))
+        search.rate(0.0, STEP, np.zeros(3), aim, DOWN, STILL, True, lambda: STIFF)
+        assert search.touches == touches
+
+
+def test_a_stiff_hand_that_stands_all_at_once_is_held_back():
+    """Its damper pulls with 8 N before the spring does: 5 mm later it had pressed for 0.06 s."""
+    for behind, slower, touches in ((0.002, 0.5, False), (0.002, 1.0, True), (0.0, 1.0, False)):
+        search, aim = ContactSearch(FORCE), np.array([0.0, 0.0, -behind])
+        search.rate(0.0, STEP, np.zeros(3), aim, DOWN, slower * DOWN, True, lambda: STIFF)
         assert search.touches == touches
 
 

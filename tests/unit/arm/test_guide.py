@@ -25,6 +25,7 @@ from dart_skill.arm import (
     Registration,
     SeenOffset,
     Speed,
+    Yielding,
     attractor_acceleration,
     shifted,
 )
@@ -388,7 +389,7 @@ def test_without_cameras_a_careful_plan_is_carried_out_as_made():
         assert one.reference.position == pytest.approx(other.reference.position)
 
 
-FEELS = {"contact_force": 50.0, "compliance": lambda gains, carries: 1e-3 * np.eye(3)}
+FEELS = {"contact_force": 50.0, "pull": lambda *_: Yielding(1e-3 * np.eye(3), 0.0)}
 """Contact is felt 20 mm behind the plan, and the hand is aimed 12.5 mm ahead while it searches."""
 
 
@@ -417,7 +418,7 @@ def test_a_careful_hand_that_is_held_back_waits_and_feels_around():
 def test_a_hand_that_comes_along_does_not_ask_how_far_forces_move_it():
     """The model was asked for its inertia at every state of every careful motion."""
 
-    def refuse(gains, carries):
+    def refuse(gains, carries, touches):
         raise AssertionError("asked")
 
     looks(CarefulGuide(careful(), 0.05, None, 20.0, refuse), SPEED * TIME[:150])

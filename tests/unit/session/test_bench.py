@@ -11,6 +11,7 @@ from dart_skill.common.situation import Pose, Situation
 from dart_skill.experiments.studies.pose_skills import (
     LostHand,
     Placed,
+    Pressing,
     place_seed,
     place_table,
     teach_place,
@@ -50,6 +51,18 @@ def test_parts_go_into_holders_that_stand_elsewhere(taught):
     assert all(trial.outcome.success and trial.outcome.error < 0.006 for trial in trials), [
         trial.outcome for trial in trials
     ]
+
+
+def test_a_part_that_meets_the_rim_goes_in_and_presses_no_harder_than_it_may(taught):
+    """The stiff hand of the ideal arm pressed with 45 N."""
+    session, learned, _, rng = taught
+    seen = session.situation(session.skill.draw(rng).pose("holder"))
+    stands = seen.pose("holder")
+    beside = Pose(stands.position + [0.003, -0.004, 0.0], stands.quaternion)
+    pressing = Pressing(session.plant)
+    trial = session.execute(learned.plan(seen.moved("holder", beside)), push=pressing.note)
+    assert trial.outcome.success and not trial.message
+    assert 5.0 < pressing.most() < session.commander.settings.limits.contact_force
 
 
 class Gap:
