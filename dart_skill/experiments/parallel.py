@@ -31,13 +31,13 @@ def all_of(
     jobs, scheduler
         As in `run_all`.
     """
-    done = run_all(partial(function, **options), seeds, jobs, scheduler)
+    done = run_all(partial(function, **options), seeds, jobs, scheduler, "seed")
     parts = dict(tqdm(done, total=len(seeds), unit="seed", disable=None))
     return [one for index in range(len(seeds)) for one in parts[index]]
 
 
 def run_all(
-    function: Callable, tasks: Sequence, jobs: int = 0, scheduler: str = ""
+    function: Callable, tasks: Sequence, jobs: int = 0, scheduler: str = "", what: str = "task"
 ) -> Iterator[tuple[int, Any]]:
     """(index, function(task)) of every task as it finishes, in any order.
 
@@ -50,13 +50,18 @@ def run_all(
         task is raised here, and the tasks not begun are not run. Ctrl-C, or no interest in more
         results, ends the workers at once; they end by themselves when this process does, however
         that goes.
+    what
+        Is a task, in a word: a ValueError names it.
     """
     if scheduler:
         yield from _on_dask(function, tasks, scheduler)
         return
     jobs = min(jobs or os.cpu_count() or 1, len(tasks))
     if jobs <= 1:
-        yield from ((index, function(task)) for index, task in enumerate(tasks))
+        yield from (
+            (index, _named(what, task, partial(function, task)))
+            for index, task in enumerate(tasks)
+        )
         return
     # Workers are never copies of this process, which may have threads, or nodes of ROS, that a
     # copy would end again.
@@ -69,7 +74,8 @@ def run_all(
             futures = {pool.submit(function, task): index for index, task in enumerate(tasks)}
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
             for future in as_completed(futures):
-                yield futures[future], future.result()
+                index = futures[future]
+                yield index, _named(what, tasks[index], future.result)
         except (KeyboardInterrupt, SystemExit, GeneratorExit):
             # it has no public way to end a task that runs (from Python 3.14 on)
             for worker in list(pool._processes.values()):
@@ -78,6 +84,14 @@ def run_all(
         finally:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _named(what: str, task: Any, result: Callable[[], Any]) -> Any:
+    """The result of a task, whose errors name it."""
+    try:
+        return result()
+    except ValueError as error:
+        raise ValueError(f"{what} {task}: {error}") from error
 
 
 def _end_with_parent() -> None:

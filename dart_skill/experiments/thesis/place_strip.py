@@ -1,9 +1,10 @@
-"""`place_strip`: a part on its way into a holder, on an arm of the fleet, with cameras that see the
-hand and with cameras that do not (docs/fleet.md). The thesis has no such figure.
+"""`place_strip`: a part on its way into a holder, on an arm of the fleet: corrected, with cameras that
+do not see the hand, and not corrected at all (docs/fleet.md). The thesis has no such figure.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import Mode, MotionPlan
+from dart_skill.arm import Mode, MotionPlan, Speed
 from dart_skill.common.situation import Pose
 from dart_skill.experiments.studies.pose_skills import LostHand, teach_place
 from dart_skill.experiments.studies.throws import arm_of
@@ -25,9 +26,14 @@ PICTURES = 5
 """Number of pictures of a strip."""
 SHOWN = 0.06
 """The strip begins when the part is so far from the holder's axis for the last time [m]."""
-ROWS = {"hand seen": 0.0, "hand not seen": np.inf}
-"""How long the cameras lose the hand [s], by what a row is called."""
-
+ROWS = {
+    "corrected": (Speed.CAREFUL, 0.0),
+    "hand not seen": (Speed.CAREFUL, np.inf),
+    "not corrected": (Speed.THROW, 0.0),
+}
+"""Level of speed of the plan, of which only a careful one is corrected, and how long the cameras lose
+the hand [s], by what a row is called.
+"""
 
 class Way(NamedTuple):
     """A part in the frame of its holder.
@@ -77,7 +83,7 @@ def way_of(session: BenchSession, plan: MotionPlan, holder: Pose, unseen: float)
 
 
 def draw_place_strip(seed: int = 0) -> tuple[Figure, dict]:
-    """A row for hands that are seen and for those that are not: the holder from the side, in its own
+    """A row for each of `ROWS`: the holder from the side, in its own
     frame, with the part at equal instants, and the way of the part's lower end.
 
     Parameters
@@ -86,18 +92,18 @@ def draw_place_strip(seed: int = 0) -> tuple[Figure, dict]:
         Of the arm, of the person who shows it, and of the holder: the first that is drawn.
     """
     skill, rng = Place.configured(), np.random.default_rng([seed, 7])
-    figure = Figure(figsize=(9.6, 5.2), layout="constrained")
+    figure = Figure(figsize=(9.6, 7.6), layout="constrained")
     session = BenchSession(skill, seed, arm=arm_of("fleet", seed))
     try:
         learned = LearnedSkill(skill, teach_place(session, skill, rng))
         holder, bench = skill.draw(rng, wide=True).pose("holder"), session.plant.bench
         ended = {}
-        for row, (name, unseen) in zip(
+        for row, (name, (speed, unseen)) in zip(
             figure.subplots(len(ROWS), PICTURES, sharex=True, sharey=True),
             ROWS.items(),
             strict=True,
         ):
-            plan = learned.plan(session.situation(holder))
+            plan = replace(learned.plan(session.situation(holder)), speed=speed)
             way = way_of(session, plan, holder, unseen)
             _draw_row(row, way, bench)
             row[0].set_ylabel(f"{name}\nheight [mm]")

@@ -10,7 +10,7 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.darts import best_aim
-from dart_skill.experiments.parallel import read_runs, run_all, run_tasks
+from dart_skill.experiments.parallel import all_of, read_runs, run_all, run_tasks
 from dart_skill.experiments.studies import dart_search
 from dart_skill.experiments.studies.dart_search import (
     SCHEDULES,
@@ -139,9 +139,13 @@ def test_a_process_is_no_copy_of_the_one_that_asks():
         OPEN.clear()
 
 
-def test_an_error_in_a_process_comes_out():
-    with pytest.raises(ValueError, match="thirteen"):
-        dict(run_all(square, [1, 13, 2], jobs=2))
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_an_error_in_a_process_comes_out_and_names_its_task(jobs):
+    """Forty arms ended with an error of one, and nobody could tell which."""
+    with pytest.raises(ValueError, match="^task 13: .*thirteen"):
+        dict(run_all(square, [1, 13, 2], jobs=jobs))
+    with pytest.raises(ValueError, match="^seed 13: .*thirteen"):
+        all_of(square, [13, 2], jobs=jobs)
 
 
 def test_the_table_has_quartiles_over_seeds(short):
