@@ -35,6 +35,7 @@ ROWS = {
 the hand [s], by what a row is called.
 """
 
+
 class Way(NamedTuple):
     """A part in the frame of its holder.
 
