@@ -103,11 +103,10 @@ class HandPull:
             # their dampers pull little, and late speeds in what is wanted would make the arm swing
             return Yielding(jacobian / self._servo.FOLLOWING.stiffness @ jacobian.T, 0.0)
         mobility = jacobian @ np.linalg.solve(model.mass_matrix(position), jacobian.T)
-        laws = [gains] if touches or self._second_pull is None else [gains, self._second_pull]
-        stiffness, damping = (
-            sum(np.diag(part) if part.ndim == 1 else part for part in parts)[:3, :3]
-            for parts in zip(*((law.stiffness, law.damping) for law in laws), strict=True)
-        )
+        stiffness, damping = _of_position(gains.stiffness), _of_position(gains.damping)
+        if self._second_pull is not None and not touches:
+            stiffness = stiffness + _of_position(self._second_pull.stiffness)
+            damping = damping + _of_position(self._second_pull.damping)
         lead = float(np.trace(damping) / np.trace(stiffness))
         return Yielding(np.linalg.solve(stiffness, mobility), lead)
 
@@ -139,3 +138,8 @@ class HandPull:
         self._expected = q, qd, qdd, time
         pull = self._servo.follow(state.position, state.velocity, q, qd)
         return wrench, torque + self._taken_out + pull
+
+
+def _of_position(gains: np.ndarray) -> np.ndarray:
+    """The part (3, 3) of gains (6,) or (6, 6) that is about positions."""
+    return np.diag(gains[:3]) if gains.ndim == 1 else gains[:3, :3]
