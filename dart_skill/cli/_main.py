@@ -28,7 +28,7 @@ TAB = (
 
 OF_THE_NODES = ("up", "status", "practice", "teach", "demonstrations", "throw", "execute")
 COMMANDS = (
-    "up", "status", "demo", "practice", "teach", "demonstrations", "check", "learn", "throw", "execute", "bag", "view", "report",
+    "up", "status", "demo", "practice", "teach", "demonstrations", "check", "arm", "learn", "throw", "execute", "bag", "view", "report",
     "experiment", "darts", "security",
 )  # fmt: skip
 """In the order of the help: those of the nodes (`graph_verbs`), and modules of this package."""

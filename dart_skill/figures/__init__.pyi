@@ -56,3 +56,4 @@ from dart_skill.figures._synchronisation import DemonstratedMotion as Demonstrat
 from dart_skill.figures._synchronisation import HandRecording as HandRecording
 from dart_skill.figures._synchronisation import demonstrated_motions as demonstrated_motions
 from dart_skill.figures._synchronisation import synchronisation_figure as synchronisation_figure
+from dart_skill.figures._throwing_bound import throwing_bound_figure as throwing_bound_figure

@@ -683,6 +683,15 @@ TYPED = {
     "dart-skill experiment figure place_strip --seed 3000": Run(
         says="hand not seen", leaves="figures/place_strip.svg", slow=True
     ),
+    "dart-skill arm list": Run(says="wam: 7 joints"),
+    "dart-skill arm import my_arm.urdf --tool tool0": Elsewhere(
+        "unit/arm/test_urdf_arm.py::test_import_writes_a_file_that_loads_again"
+    ),
+    "dart-skill arm reach wam": Run(says="wam throws 4"),
+    "dart-skill arm reach panda --output figures": Elsewhere(
+        "unit/arm/test_throwing_bound.py::test_reach_tells_and_draws_where_an_arm_throws_and_points"
+    ),
+    "dart-skill arm reach panda --skill place": Run(says="at 1.20 m above the floor: 0.09 to"),
     "dart-skill experiment figure correction": Run(says="margin", leaves="figures/correction.svg"),
     "dart-skill experiment figure landscape": Elsewhere(
         "unit/experiments/test_thesis.py::test_more_gaussians_model_a_landscape_better_but_one_says_less_than_none"

@@ -45,7 +45,7 @@ FIGURES = {
     "8.11": ("ball_figures", "Speed of the hand before and after synchronisation"),
     "correction": ("correction", "What cameras correct of a careful motion: its step response and margins"),
     "landscape": ("chapter_6", "A landscape modelled by a mixture that is told all of it"),
-    "place_strip": ("place_strip", "A part on its way into a holder, with a hand that cameras see and one that they do not"),
+    "place_strip": ("place_strip", "A part on its way into a holder: corrected, without cameras, and as planned"),
     "regrets": ("dart_searches", "Regrets of all methods, thesis's schedule and the extended one"),
 }  # fmt: skip
 """Module and title of each figure, by its number."""

@@ -64,7 +64,7 @@ def tab(line, executable, folder=ROOT):
 
 
 COMMANDS = (
-    "up status demo practice teach demonstrations check learn throw execute bag view report"
+    "up status demo practice teach demonstrations check arm learn throw execute bag view report"
     " experiment darts security".split()
 )
 

@@ -1,0 +1,236 @@
+"""How far an arm can throw: an upper bound, from the limits of its joints alone.
+
+The arm swings in a vertical plane (`SwingPlane`). In a posture the hand is fastest in a direction u,
+without moving aside (w), at the speeds qd of
+
+    max u . J qd   so that   w . J qd = 0,   |qd_i| <= limit_i.
+
+Its dual has one unknown, min over s of sum_i limit_i |a_i - s b_i| with a = J'u and b = J'w, which is
+convex and piecewise linear: the least of its values at s = a_i / b_i is the speed. From rest, at
+constant acceleration of the joints, the swing takes a given time; it must begin within the ranges of
+the joints, and needs torques (Gallant and Gosselin, "Maximizing the throwing distance of robotic
+manipulators", J. Mechanisms Robotics 16(9), have the whole optimisation). A ball without drag flies
+from there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dart_skill.arm._swing_plane import SwingPlane, swing_plane
+from dart_skill.arm._urdf_arm import UrdfArm
+
+MARGIN = 0.15
+"""Distance that the joints keep to the ends of their ranges [rad]."""
+SWINGS = (0.3, 0.4, 0.5, 0.7)
+"""Times that a swing may take [s]."""
+POSTURES = 20_000
+"""Number of postures that are tried."""
+ROUNDS = 8
+"""Number of times that the neighbours of the best are tried."""
+NARROWS = 0.5
+"""Each of these is so much narrower than the one before."""
+INSTANTS = 21
+"""Number of instants of a swing at which torques are looked at."""
+GRAVITY = 9.81
+"""[m/s^2]."""
+
+
+@dataclass(frozen=True)
+class ThrowingBound:
+    """The farthest throw.
+
+    Parameters
+    ----------
+    distance
+        Of the rim from the axis of the base [m].
+    speed, angle
+        Of the hand at the release [m/s], above the horizontal [rad].
+    release
+        Where that is (2,): from the axis of the base, in the direction of the throw, and above the
+        floor [m].
+    angles, rates
+        Of all joints at the release (n,) [rad], [rad/s].
+    swing
+        Time of the swing from rest [s].
+    torque_share
+        Largest torque over its limit, with the hand empty.
+    tightest
+        Index of the joint with that torque.
+    plane
+        In which the arm swings.
+    """
+
+    distance: float
+    speed: float
+    angle: float
+    release: np.ndarray
+    angles: np.ndarray
+    rates: np.ndarray
+    swing: float
+    torque_share: float
+    tightest: int
+    plane: SwingPlane
+
+    @property
+    def start(self) -> np.ndarray:
+        """Angles at which the swing begins (n,) [rad]."""
+        return self.angles - 0.5 * self.swing * self.rates
+
+
+def fastest(
+    jacobian: np.ndarray, limits: np.ndarray, direction: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Greatest speed of the hand (k,) in a direction, without moving aside, and the speeds of the
+    joints (k, m) that give it.
+
+    Parameters
+    ----------
+    jacobian
+        In the plane (k, 2, m).
+    limits
+        Of the joints (m,) [rad/s].
+    direction
+        Unit vector (2,).
+    """
+    along = np.einsum("i,kim->km", direction, jacobian)
+    aside = np.einsum("i,kim->km", [-direction[1], direction[0]], jacobian)
+    # joints that do not move the hand aside have no breakpoint: any other one serves
+    slopes = np.where(
+        np.abs(aside) > 1e-9, along / np.where(np.abs(aside) > 1e-9, aside, 1.0), 0.0
+    )
+    values = np.abs(along[:, None] - slopes[:, :, None] * aside[:, None]) @ limits
+    best = values.argmin(axis=1)
+    rows = np.arange(len(best))
+    rates = limits * np.sign(along - slopes[rows, best, None] * aside)
+    # the joint of the breakpoint takes what keeps the hand from moving aside
+    rates[rows, best] = 0.0
+    left = aside[rows, best]
+    rest = -(rates * aside).sum(axis=1)
+    rates[rows, best] = np.where(
+        np.abs(left) > 1e-9, rest / np.where(np.abs(left) > 1e-9, left, 1.0), 0.0
+    )
+    return values[rows, best], rates
+
+
+def throwing_bound(
+    arm: UrdfArm, rim: float, angle: float = 0.25 * np.pi, seed: int = 0
+) -> ThrowingBound:
+    """The farthest throw of an arm into a rim at a height [m] above the floor, at an angle above the
+    horizontal [rad].
+
+    Parameters
+    ----------
+    seed
+        Of the postures that are tried.
+
+    Raises
+    ------
+    ValueError
+        If the arm has no plane, or reaches no rim at that height.
+    """
+    plane, rng = swing_plane(arm), np.random.default_rng(seed)
+    found = [
+        bound
+        for swing in SWINGS
+        for side in (1.0, -1.0)
+        if (
+            bound := _best(
+                arm, plane, rim, np.array([side * np.cos(angle), np.sin(angle)]), swing, rng
+            )
+        )
+    ]
+    if not found:
+        raise ValueError(
+            f"arm {arm.name}: no posture throws at {np.degrees(angle):.0f} degrees to a height of"
+            f" {rim:.2f} m"
+        )
+    return max(found, key=lambda bound: bound.distance)
+
+
+def _best(
+    arm: UrdfArm,
+    plane: SwingPlane,
+    rim: float,
+    direction: np.ndarray,
+    swing: float,
+    rng: np.random.Generator,
+) -> ThrowingBound | None:
+    """The farthest throw in one direction with one time of the swing."""
+    lower, upper = arm.lower[plane.joints] + MARGIN, arm.upper[plane.joints] - MARGIN
+    limits, best, farthest = arm.speeds[plane.joints], None, 0.0
+    width, middle = upper - lower, 0.5 * (lower + upper)
+    for _ in range(ROUNDS):
+        angles = (middle + width * (rng.random((POSTURES, len(lower))) - 0.5)).clip(lower, upper)
+        speed, rates = fastest(plane.jacobian(angles), limits, direction)
+        distance = _distances(plane.places(angles)[:, -1], speed, direction, rim)
+        starts = angles - 0.5 * swing * rates
+        within = ((starts >= lower) & (starts <= upper)).all(axis=1)
+        above = plane.places(angles)[:, -1, 1] > arm.mount_height
+        distance = np.where(within & above, distance, -np.inf)
+        k = int(distance.argmax())
+        if distance[k] > farthest:
+            best, farthest, middle = (angles[k], rates[k]), float(distance[k]), angles[k]
+        width = NARROWS * width
+    return None if best is None else _bound(arm, plane, rim, direction, swing, *best)
+
+
+def _bound(
+    arm: UrdfArm,
+    plane: SwingPlane,
+    rim: float,
+    direction: np.ndarray,
+    swing: float,
+    angles: np.ndarray,
+    rates: np.ndarray,
+) -> ThrowingBound:
+    """The throw of a posture, as slow as the torques of the joints ask."""
+    share, joint = _torque_share(arm, plane, angles, rates, swing)
+    slow = 1.0
+    while share > 1.0 and slow > 0.1:
+        slow -= 0.01
+        share, joint = _torque_share(arm, plane, angles, slow * rates, swing)
+    hand = plane.places(angles[None])[0, -1]
+    speed = float(direction @ plane.jacobian(angles[None])[0] @ (slow * rates))
+    whole = np.zeros(len(plane.rest))
+    whole[plane.joints] = slow * rates
+    forward = np.sign(direction[0])
+    return ThrowingBound(
+        float(_distances(hand[None], np.array([speed]), direction, rim)[0]),
+        speed,
+        float(np.arctan2(direction[1], abs(direction[0]))),
+        np.array([forward * hand[0], hand[1]]),
+        plane.whole(angles[None])[0],
+        whole,
+        swing,
+        share,
+        joint,
+        plane,
+    )
+
+
+def _torque_share(
+    arm: UrdfArm, plane: SwingPlane, angles: np.ndarray, rates: np.ndarray, swing: float
+) -> tuple[float, int]:
+    """Largest torque of a swing from rest over its limit, and its joint."""
+    share = np.linspace(0.0, 1.0, INSTANTS)[:, None]
+    q = plane.whole(angles - 0.5 * swing * rates * (1.0 - share**2))
+    qd, qdd = np.zeros_like(q), np.zeros_like(q)
+    qd[:, plane.joints], qdd[:, plane.joints] = share * rates, rates / swing
+    shares = (np.abs(arm.torque(q, qd, qdd)) / arm.torques).max(axis=0)
+    return float(shares.max()), int(shares.argmax())
+
+
+def _distances(
+    hand: np.ndarray, speed: np.ndarray, direction: np.ndarray, rim: float
+) -> np.ndarray:
+    """Where balls come down to the height of a rim (k,) [m] from the axis of the base, in the
+    direction of the throw; -inf for those that never rise to it.
+    """
+    rise = speed * direction[1]
+    left = rise**2 + 2.0 * GRAVITY * (hand[:, 1] - rim)
+    time = (rise + np.sqrt(np.maximum(left, 0.0))) / GRAVITY
+    way = np.sign(direction[0]) * hand[:, 0] + np.abs(direction[0]) * speed * time
+    return np.where(left >= 0.0, way, -np.inf)
