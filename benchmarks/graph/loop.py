@@ -119,7 +119,7 @@ def deactivate(node: Node, executor: Executor, name: str) -> None:
 
 
 def of_session(seconds: float) -> tuple[float, float, float]:
-    """The same of throws in one process: plant, cameras, commander, and the judging of each throw;
+    """Cost of a step of throws in one process: plant, cameras, commander, and the judging of each throw;
     and throws in a second of processor time.
     """
     skill = Throw()
@@ -152,7 +152,7 @@ def of_bullet(seconds: float) -> tuple[float, float]:
 
 
 def of_bare_nodes(seconds: float) -> tuple[float, float]:
-    """The same of two nodes that only answer each other."""
+    """Cost of a step of two nodes that only answer each other."""
     arm, controller, executor = (
         rclpy.create_node("arm"),
         rclpy.create_node("controller"),

@@ -158,10 +158,10 @@ class PlanGuide:
         )
 
     def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """As of `Guide`: nothing that is seen changes a plan that was made."""
+        """See `Guide`: nothing that is seen changes a plan that was made."""
 
     def look(self, time: float, hand: HandState, stamp_ns: int) -> Guidance:
-        """As of `Guide`."""
+        """See `Guide`."""
         rate = 1.0
         if self._clock is not None:
             time, rate = self._clock.at(time, hand, self._references)
@@ -221,11 +221,11 @@ class CarefulGuide(PlanGuide):
         self._then, self._waited, self._eased = 0.0, 0.0, 1.0
 
     def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """As of `Guide`: the hand alone counts."""
+        """See `Guide`: the hand alone counts."""
         self._hand_seen.see(body, stamp_ns, position, quaternion)
 
     def look(self, time: float, hand: HandState, stamp_ns: int) -> Guidance:
-        """As of `Guide`."""
+        """See `Guide`."""
         step = time - self._then
         self._then = time
         seen = self._hand_seen.offset(stamp_ns, hand.position, hand.rotation)

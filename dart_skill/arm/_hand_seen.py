@@ -36,11 +36,11 @@ single frames.
 LARGEST_SHIFT = 0.03
 """Length of the difference that is corrected at most [m]; more is a fault of the registration."""
 LARGEST_TURN = 0.1
-"""The same of its turn [rad]."""
+"""Angle of the difference that is corrected at most [rad]."""
 FASTEST_SHIFT = 0.05
 """Speed with which a correction changes at most [m/s]."""
 FASTEST_TURN = 0.2
-"""The same of its turn [rad/s]."""
+"""Angular speed with which a correction changes at most [rad/s]."""
 
 
 class SeenOffset(NamedTuple):
@@ -161,7 +161,7 @@ together with `FILTER_TIME`, where 0.67 are left without.
 LARGEST_REST = 0.015
 """So much of what is left is taken out at most [m]."""
 LARGEST_REST_TURN = 0.05
-"""The same of the turn [rad]."""
+"""Turn that is left of which no more is taken out [rad]."""
 
 
 class RestTakenOut:

@@ -182,7 +182,7 @@ class Impedance:
     def moved(
         self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The same for a state of the model itself, and the joint acceleration (7,) that it then
+        """Wrench and torque for a state of the model itself, and the joint acceleration (7,) that it then
         has. Friction is that of joints that move: a joint that shall rest is held by its own.
 
         Parameters

@@ -56,7 +56,7 @@ class Gains:
 
 @dataclass(frozen=True, eq=False)
 class GainsOverTime:
-    """The same as symmetric matrices in world axes, one of each for every instant of a path:
+    """Gains as symmetric matrices in world axes, one of each for every instant of a path:
     stiffness, damping (n, 3, 3).
 
     Both must be positive definite. That does not make a spring stable whose stiffness grows:

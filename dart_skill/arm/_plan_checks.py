@@ -26,7 +26,7 @@ MOST_OFFSET = 0.05
 above which the plan is refused [m].
 """
 MOST_TURN = 0.15
-"""The same of the orientation [rad]."""
+"""Turn of the hand above which the plan is refused [rad]."""
 
 
 @dataclass(frozen=True)

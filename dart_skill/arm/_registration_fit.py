@@ -33,7 +33,7 @@ POSITION = 0.004
 instants have nearly the same error.
 """
 ANGLE = 0.01
-"""The same of the orientation [rad]."""
+"""Error of the orientation that neighbouring instants share [rad]."""
 USUAL = np.repeat([0.02, 0.02, 0.02, 0.01, 0.01], [3, 3, 3, 3, 1])
 """Standard deviations of turn [rad], shift [m], hand_turn [rad], hand_shift [m] and delay [s] of a
 system that was set up with care.
@@ -41,13 +41,13 @@ system that was set up with care.
 ROUNDS = 3
 """Number of steps of the fit with a prior."""
 ANYTHING = np.repeat([3.0, 3.0, 3.0, 0.3, 0.01], [3, 3, 3, 3, 1])
-"""The same of a system of which nothing is known; only of the delay is the usual said, which an
+"""Prior of a system of which nothing is known; only of the delay is the usual said, which an
 arm that rests does not tell.
 """
 LEAST_POSITION = 0.001
 """Error that the kinematics of every arm has [m]; what is left of a fit may be less by chance."""
 LEAST_ANGLE = 0.002
-"""The same of the orientation [rad]."""
+"""Error of the orientation that the kinematics of every arm has [rad]."""
 SETTLED = 1e-9
 """Change of the unknowns below which a measurement ends."""
 MOST_ROUNDS = 50

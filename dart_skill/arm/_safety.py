@@ -150,7 +150,7 @@ class SafetyModule:
         return self.look_at(self._model.at(position, velocity), torque, speed)
 
     def look_at(self, terms: ArmTerms, torque: np.ndarray, speed: Speed) -> str:
-        """The same for who has a model of the arm in that state.
+        """Check a state whose kinematics are computed already (`look`).
 
         Parameters
         ----------
@@ -194,7 +194,7 @@ class SafetyModule:
         return self.limited_at(self._model.at(position), command)
 
     def limited_at(self, terms: ArmTerms, command: Command) -> Command:
-        """The same for who has a model of the arm at that position.
+        """Limit a command where the kinematics are computed already (`limited`).
 
         Parameters
         ----------

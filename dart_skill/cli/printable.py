@@ -21,7 +21,7 @@ def printable(text: str) -> str:
 
 
 def in_a_line(text: str) -> str:
-    """The same in one line."""
+    """The printable text in one line."""
     return printable("; ".join(line.strip() for line in text.splitlines() if line.strip()))
 
 

@@ -82,7 +82,7 @@ class Everywhere:
         return values @ self._transposed
 
     def means_at(self, darts: int, remaining: int, values: np.ndarray) -> np.ndarray:
-        """The same of several values (m, 57) of the results in a single state, (m, n)."""
+        """Means (m, n) of several values (m, 57) of the results in a single state."""
         return values @ self._transposed
 
     def aims(self, darts: int, remaining: np.ndarray, chosen: np.ndarray) -> np.ndarray:
@@ -90,7 +90,7 @@ class Everywhere:
         return chosen
 
     def aim(self, darts: int, remaining: int, chosen: int) -> int:
-        """The same of a single state."""
+        """Aim in a single state."""
         return chosen
 
 
@@ -119,7 +119,7 @@ class Nearby:
         self._blocks = [[results[lists] for lists in parts] for parts in self._lists]
 
     def means(self, darts: int, low: int, values: np.ndarray) -> np.ndarray:
-        """As of Everywhere, (m, k)."""
+        """See `Everywhere`, (m, k)."""
         part = int(low >= safe_from(darts))
         first = low - part * safe_from(darts)
         return np.matmul(
@@ -127,7 +127,7 @@ class Nearby:
         )[..., 0]
 
     def means_at(self, darts: int, remaining: int, values: np.ndarray) -> np.ndarray:
-        """As of Everywhere, (m, k)."""
+        """See `Everywhere`, (m, k)."""
         part = int(remaining >= safe_from(darts))
         return values @ self._blocks[darts - 1][part][remaining - part * safe_from(darts)].T
 
@@ -157,12 +157,12 @@ class Nearby:
         return np.concatenate([mean.max(axis=1) for mean in means]), np.concatenate(aims)
 
     def aims(self, darts: int, remaining: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-        """As of Everywhere."""
+        """See `Everywhere`."""
         part = int(remaining[0] >= safe_from(darts))
         return self._lists[darts - 1][part][remaining - part * safe_from(darts), chosen]
 
     def aim(self, darts: int, remaining: int, chosen: int) -> int:
-        """As of Everywhere."""
+        """See `Everywhere`."""
         part = int(remaining >= safe_from(darts))
         return int(self._lists[darts - 1][part][remaining - part * safe_from(darts), chosen])
 

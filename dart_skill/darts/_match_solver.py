@@ -188,7 +188,7 @@ class Best:
         self.second = [_SecondDart(self, *part) for part in _parts(choice.counts[1], SECOND_PARTS)]
 
     def turns(self, low: int, end: int, total: int) -> _BestTurns:
-        """As of Fixed."""
+        """See `Fixed`."""
         parts: list[_RiskyTurns | _SafeTurns] = []
         if low < NO_BUST_THREE:
             parts.append(_RiskyTurns(self, low, min(end, NO_BUST_THREE), total))

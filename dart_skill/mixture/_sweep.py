@@ -47,7 +47,7 @@ QUICK = 1_000_000
 LARGEST_LOSS = 1e-10
 """Largest error of a log density that is computed from products."""
 LOSS_SHARE = 1e-4
-"""The same as a share of the rise of the likelihood at which EM stops."""
+"""Largest such error, as a share of the rise of the likelihood at which EM stops."""
 LEAST_DENSITY = 1e-180
 """Density of a sample, relative to the highest peak, above which it loses nothing by LEAST_LOG."""
 LEAST_LOG = -460.0
@@ -445,7 +445,7 @@ class Sweep:
         return coefficients, top
 
     def by_products(self, log_priors: np.ndarray, components: list[Components]) -> Sums:
-        """As of a call, by squares about a common origin."""
+        """See `__call__`; by squares about a common origin."""
         coefficients, top = self._coefficients(log_priors, components)
         n, total, log_density = (
             len(log_priors),
@@ -481,7 +481,7 @@ class Sweep:
         return Sums(total[:, 0], log_density, [None] * len(self.blocks), sums)
 
     def by_deviations(self, log_priors: np.ndarray, components: list[Components]) -> Sums:
-        """As of a call, by the deviations from each mean."""
+        """See `__call__`; by the deviations from each mean."""
         mass, log_density = np.zeros(len(log_priors)), np.empty(len(self.weights))
         sides = [blocks.white.shape[:2] for blocks in self.blocks]
         squares = [np.zeros((p, len(log_priors), side, side)) for p, side in sides]

@@ -149,7 +149,7 @@ class Carrier(Guiding):
         return self._in_mind[time]
 
     def _path(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The same at times (n,): (n, 3) and (n, 3, 3)."""
+        """Positions (n, 3) and rotations (n, 3, 3) at times (n,)."""
         share = (times - 2.0 * self.carrying.wait) / self._way
         up, over, down = (
             np.array([*map(smooth, part.tolist())])

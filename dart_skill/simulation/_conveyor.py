@@ -136,13 +136,13 @@ class Conveyor(Plant):
         super().__init__(replace(settings or PlantSettings(), start_posture=START_POSTURE), seed)
 
     def change(self, settings: PlantSettings) -> None:
-        """As of the plant; the posture beside the belt stays."""
+        """See `Plant`; the posture beside the belt stays."""
         super().change(replace(settings, start_posture=START_POSTURE))
 
     def set_up(
         self, poses: Mapping[str, Pose], numbers: Mapping[str, float] | None = None
     ) -> PlantState:
-        """As of the plant: the belt of `Belt.of`. Where nothing is said, it runs as before."""
+        """See `Plant`: the belt of `Belt.of`. Where nothing is said, it runs as before."""
         self._check_situation(poses, numbers or {})
         if poses or numbers:
             self._belt = Belt.of(poses.get("cup"), numbers or {})

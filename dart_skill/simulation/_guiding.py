@@ -30,7 +30,7 @@ knows the hand from the joints, on the motors' side of the cables: as firm as in
 make arms of config/fleet.yaml swing by millimetres.
 """
 SLOW_WRIST = (40.0, 0.6)
-"""The same of a turn, with both hands [N m/rad, N m s/rad]."""
+"""Stiffness and damping of a turn with both hands [N m/rad, N m s/rad]."""
 
 
 class Guiding:

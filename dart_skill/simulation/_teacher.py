@@ -167,7 +167,7 @@ class _Motion:
 
     @cached_property
     def speeds(self) -> Any:
-        """The same of their rates (7,) [rad/s]."""
+        """Interpolation of their rates (7,) [rad/s]."""
         return self.angles.derivative()
 
 

@@ -98,20 +98,20 @@ class Workbench(Plant):
     loose_body, movable_body = "part", "holder"
 
     def change(self, settings: PlantSettings) -> None:
-        """As of the plant; the posture in which the hand is around the part stays."""
+        """See `Plant`; the posture in which the hand is around the part stays."""
         super().change(replace(settings, start_posture=self.bench.start_posture))
 
     def set_up(
         self, poses: Mapping[str, Pose], numbers: Mapping[str, float] | None = None
     ) -> PlantState:
-        """As of the plant."""
+        """See `Plant`."""
         self._check_situation(poses, numbers or {})
         if poses:
             self.stand(poses[self.movable_body])
         return self.reset()
 
     def put(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """As of the plant.
+        """See `Plant`.
 
         Parameters
         ----------

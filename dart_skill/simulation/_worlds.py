@@ -44,7 +44,7 @@ class BoardWorld(Plant):
         super().__init__(replace(settings, board=board or settings.board or Board()), seed)
 
     def change(self, settings: PlantSettings) -> None:
-        """As of every plant; the board hangs where it did."""
+        """See `Plant`; the board hangs where it did."""
         super().change(replace(settings, board=self.settings.board))
 
     def _check_situation(self, roles: Iterable[str], numbers: Iterable[str] = ()) -> None:

@@ -50,9 +50,9 @@ TELEPHONE = 0.6
 part (`_page_style`).
 """
 NEAR = np.array([1.75, -1.7, 2.0]), np.array([0.5, 0.0, 1.2])
-"""The same of skills whose bodies are within reach of the arm."""
+"""Camera for skills whose bodies are within reach of the arm."""
 BEHIND = np.array([-2.3, -1.9, 2.6]), np.array([1.3, 0.0, 1.65])
-"""The same of darts: as the thrower sees the board."""
+"""Camera for darts: as the thrower sees the board."""
 CAMERA_SIZE = 0.18
 """Length of the pyramid that stands for a camera [m]."""
 STILL_ANGLE = 2e-3

@@ -181,7 +181,7 @@ class LostHand:
         self._lost_ns: int | None = None
 
     def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """As of `Commander`."""
+        """See `Commander`."""
         if body == HAND:
             if self._lost_ns is None and np.linalg.norm(position - self._end) < self._near:
                 self._lost_ns = stamp_ns

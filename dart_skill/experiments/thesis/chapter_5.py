@@ -141,7 +141,7 @@ def _draw_policy(axes: Axes, mean: np.ndarray, covariance: np.ndarray) -> None:
 LONG = 1.0
 """Standard deviation of the covariance of figures 5.2 and 5.3 along its longer axis."""
 SHORT = 0.25
-"""The same along its shorter axis."""
+"""Standard deviation of that covariance along its shorter axis."""
 
 
 def draw_5_2(seed: int = 0) -> tuple[Figure, dict]:

@@ -110,7 +110,7 @@ class SqliteInput:
         return []
 
     def parts(self, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int) -> list[Part]:
-        """As of `McapInput`: one, whose messages are read as they are needed."""
+        """See `McapInput`: one, whose messages are read as they are needed."""
         if not wanted or stop_ns <= start_ns or start_ns > LATEST_NS:
             return []
         query = (
@@ -152,7 +152,7 @@ class SqliteInput:
             return [str(error)]
 
     def log_times(self, wanted: Mapping[int, int]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """As of `McapInput`."""
+        """See `McapInput`."""
         assert self._database is not None
         query = (
             f"SELECT topic_id, timestamp FROM messages WHERE {_READABLE} AND topic_id IN"
@@ -324,7 +324,7 @@ class Ros1Input:
         return []
 
     def parts(self, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int) -> list[Part]:
-        """As of `McapInput`: one, whose messages are read as they are needed."""
+        """See `McapInput`: one, whose messages are read as they are needed."""
         chosen = [one for one in self._reader.connections if one.id in wanted]
 
         def read() -> Iterator[BagMessage]:

@@ -148,7 +148,7 @@ def serialize(types: Typestore, type_name: str, value: Any) -> bytes:
 
 
 def encoded(types: Typestore, type_name: str, made: Any) -> bytes:
-    """The same of a message object that `message` made, which is not looked through again.
+    """Encode a message object that `message` made; it is not checked again.
 
     Parameters
     ----------

@@ -162,7 +162,7 @@ class ReactiveGuide:
         return ""
 
     def look(self, time: float, hand: HandState, stamp_ns: int) -> Guidance:
-        """As of `Guide`."""
+        """See `Guide`."""
         step = time - self._then
         self._then = time
         if missing := self.missing(stamp_ns):

@@ -67,7 +67,7 @@ OFF_POSITION = 0.015
 the cameras stand: ten times as much as of the worst arm of the fleet, root mean square [m].
 """
 OFF_ANGLE = 0.08
-"""The same of their orientations [rad]."""
+"""Largest angle between the orientations of both, root mean square [rad]."""
 
 
 @dataclass(frozen=True)

@@ -310,7 +310,7 @@ def learn_prepared(
     configuration: ThrowSettings = DEFAULT,
     skill: Skill | None = None,
 ) -> ThrowingSkill:
-    """The same from throws that were prepared before, for the same configuration.
+    """Learn from throws that were prepared before, for the same configuration.
 
     Parameters
     ----------

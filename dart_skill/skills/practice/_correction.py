@@ -44,7 +44,9 @@ UNUSUAL_NOISE = 0.1
 by millimetres or by decimetres.
 """
 UNUSUAL_DIFFERENCE = 1.0
-"""The same for the difference between places."""
+"""Log probability that a factor of two from the usual difference between places costs, squared for
+more.
+"""
 SHARES = np.array([0.0, 0.5, 1.0])
 """Shares of what a late release is computed to do: 0 where its instant was seen so badly that it
 explains nothing.

@@ -168,15 +168,15 @@ class Learner:
         return Lesson(ids, self._learned.model.model_id, said, self._learned.facts, left_out)
 
     def plan(self, asked: Situation, explore: bool = False) -> Planned:
-        """As of `Practice.plan`."""
+        """See `Practice.plan`."""
         return self._learned.plan(asked, explore)
 
     def tell(self, trial: Demonstration, plan: MotionPlan | None = None) -> Learned:
-        """As of `Practice.tell`."""
+        """See `Practice.tell`."""
         return self._learned.tell(trial, plan)
 
     def save(self, path: str | Path) -> str:
-        """As of `Practice.save`."""
+        """See `Practice.save`."""
         return self._learned.save(path)
 
     def load(self, path: str | Path) -> str:
@@ -185,11 +185,11 @@ class Learner:
         return self._learned.model.model_id
 
     def mixtures(self) -> tuple[dict[str, GaussianMixture], np.ndarray]:
-        """As of `Practice.mixtures`."""
+        """See `Practice.mixtures`."""
         return self._learned.mixtures()
 
     def standings(self) -> dict[str, Standing]:
-        """As of `Practice.standings`; empty before anything is learned."""
+        """See `Practice.standings`; empty before anything is learned."""
         return {} if self.practice is None else self.practice.standings()
 
     def values(self) -> dict[str, Any]:

@@ -214,7 +214,7 @@ class SkillSettings:
         return cls().changed(read_yaml(path), str(path))
 
     def changed(self: S, changes: Mapping[str, Any], where: str) -> S:
-        """The same but for some values.
+        """Settings with some values changed.
 
         Parameters
         ----------

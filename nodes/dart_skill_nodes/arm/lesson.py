@@ -26,7 +26,7 @@ from dart_skill_nodes.process.graph_processes import GraphFailure
 FINDS = 15
 """Looks for the cameras, until there are none, by a teacher that has just been started."""
 FINDS_AGAIN = 4
-"""The same by a teacher that knew some."""
+"""Looks for the cameras by a teacher that knew some before."""
 
 
 class Lesson:

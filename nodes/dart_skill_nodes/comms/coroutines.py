@@ -186,7 +186,7 @@ def finish(goal_handle: ServerGoalHandle, succeeded: bool) -> None:
 
 
 def finish_by_success(goal_handle: ServerGoalHandle, result) -> None:
-    """The same for a result that says whether it is a success."""
+    """Finish a goal whose result says whether it is a success."""
     finish(goal_handle, result.success)
 
 

@@ -169,7 +169,7 @@ def _parts(message, counters: tuple[str, ...] = ()) -> Iterator[tuple[str, int, 
 
 
 def _parts_of(kind: str, value) -> Iterator[tuple[str, int, int, Any]]:
-    """The same of a field."""
+    """Parts of the layout of a field."""
     if several := SEVERAL.fullmatch(kind):
         if several["one"]:
             yield MEANT, 4, 4, None

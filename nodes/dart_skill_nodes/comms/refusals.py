@@ -113,7 +113,7 @@ class _Guarded:
         return super().create_subscription(msg_type, topic, hear, qos_profile, **options)
 
     def create_service(self, srv_type, srv_name, callback, **options):
-        """As of Node; a callback that returns nothing has done what it was asked to, and one that
+        """See `Node`; a callback that returns nothing has done what it was asked to, and one that
         raises a ValueError or OSError refuses it with that reason.
         """
 

@@ -65,7 +65,7 @@ class BenchScene(Scene):
     grasp = np.array(BENCH["grasp"])
 
     def describe(self, root, hand, laboratory):
-        """As of `Scene`."""
+        """See `Scene`."""
         add_lump(hand, laboratory)
         add_palm(hand, {**TOUCHABLE, "contype": "1"})
         world = root.find("worldbody")

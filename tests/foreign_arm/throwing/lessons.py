@@ -57,7 +57,7 @@ class ThrowingOutsider(Outsider):
         return self.execute(basket_at(*rim))
 
     def help_with(self, asked):
-        """As of `Outsider`: bring the ball, or the basket."""
+        """See `Outsider`: bring the ball, or the basket."""
         if "put the ball into the hand" in asked:
             self.driver.person.begin(self.driver.person.bring_ball())
         elif asked.startswith("put the basket at"):

@@ -137,7 +137,7 @@ class BallScene(Scene):
     grasp = published.BALL_CENTRE
 
     def describe(self, root, hand, laboratory):
-        """As of `Scene`."""
+        """See `Scene`."""
         grip = ElementTree.SubElement(root.find("default"), "default", {"class": "grip"})
         ElementTree.SubElement(
             grip, "geom", condim="4", friction="1.0 0.005 0.0001", solref="0.003 1"
