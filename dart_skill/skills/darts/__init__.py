@@ -8,7 +8,7 @@ to where the delay of the hand matters least.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar
 
@@ -44,6 +44,8 @@ class DartsSettings(ThrowSettings):
 
     Parameters
     ----------
+    by_motion
+        See `ThrowSettings`: the scatter of a hand is as wide as what is aimed at.
     step
         Of a plan [s]: finer than of a basket's, since its release is moved by milliseconds.
     shown
@@ -66,6 +68,7 @@ class DartsSettings(ThrowSettings):
 
     refinement: str = "aim"
     targets: str = "best_aim"
+    by_motion: bool = field(default=True, repr=False)
     step: float = 0.002
     shown: float = 0.12
     cocked: tuple[float, ...] = (-1.00, -0.42, -0.60)

@@ -35,6 +35,7 @@ from dart_skill.movement import (
     turn_matrix,
 )
 from dart_skill.recording import Demonstration
+from dart_skill.skills.learning._ball_path import ball_states
 from dart_skill.skills.observation import (
     FreeFlight,
     Release,
@@ -114,6 +115,8 @@ class PreparedThrow:
         hand needs so long.
     noise
         Float [m], standard deviation of a coordinate of the hand, as it was recorded.
+    seen
+        Where the ball came down (3,) [m], if the task is where the motion led; else the task.
     """
 
     id: str
@@ -133,6 +136,7 @@ class PreparedThrow:
     sightings: Sightings
     hand_delay: float
     noise: float
+    seen: np.ndarray
 
     @property
     def distance(self) -> float:
@@ -177,6 +181,7 @@ class _Reading:
     game: Game
     alignment: str
     relabel: bool
+    by_motion: bool
     turns: bool
     stiffness: tuple[float, ...]
 
@@ -187,6 +192,7 @@ class _Reading:
             c.game,
             c.alignment,
             c.relabel,
+            c.by_motion,
             c.frames_turn,
             tuple(np.broadcast_to(c.stiffness_of_features, 5).tolist()),
         )
@@ -251,13 +257,14 @@ def _prepare(demonstration: Demonstration, reading: _Reading) -> PreparedThrow:
         free=free,
     )
     task = _task(d, reading, free)
-    azimuth = float(np.arctan2(task[1], task[0]))
-    turned = angles_from_quaternions(turn_about_z(d.hand_quaternion, -azimuth))
-    angles = turned if reading.turns else angles_from_quaternions(d.hand_quaternion)
     shared = release.time if reading.alignment == "release" else d.motion_start
     clock = d.hand_time - shared
     grid = np.arange(np.ceil(clock[0] * RATE), np.floor(clock[-1] * RATE) + 1) / RATE
-    features = np.column_stack([d.hand_position, angles[:, :2]])
+    seen = task
+    if reading.by_motion:
+        task = _led_to(seen, d, reading, clock, release.time - shared)
+    azimuth = float(np.arctan2(task[1], task[0]))
+    turned, features = _features(d, reading, azimuth)
     noise = _noise(clock, features)
     motion = smooth_derivatives(clock, features, noise=noise, at=grid)
     return PreparedThrow(
@@ -278,7 +285,39 @@ def _prepare(demonstration: Demonstration, reading: _Reading) -> PreparedThrow:
         sightings=both,
         hand_delay=_hand_delay(release.time - d.opened),
         noise=float(noise[0]),
+        seen=seen,
     )
+
+
+def _features(
+    d: Demonstration, reading: _Reading, azimuth: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Angles of the hand (n, 3) in axes turned by an azimuth, and its features (n, 5)."""
+    turned = angles_from_quaternions(turn_about_z(d.hand_quaternion, -azimuth))
+    angles = turned if reading.turns else angles_from_quaternions(d.hand_quaternion)
+    return turned, np.column_stack([d.hand_position, angles[:, :2]])
+
+
+def _led_to(
+    task: np.ndarray, d: Demonstration, reading: _Reading, clock: np.ndarray, release: float
+) -> np.ndarray:
+    """Where the motion of the hand leads (3,), whatever the fingers do to the ball: the task (3,)
+    where that is nowhere.
+
+    A hand that scatters by as much as the targets are apart gives the same motion other tasks, and
+    a model of that does not aim.
+    """
+    azimuth = float(np.arctan2(task[1], task[0]))
+    turned, features = _features(d, reading, azimuth)
+    around = np.array([release])
+    motion = smooth_derivatives(clock, features, noise=_noise(clock, features), at=around)
+    roll, centre = _start_pose(d, azimuth, turned)[5], wam_description().hand.ball_centre
+    states = ball_states(
+        motion.position, motion.velocity, azimuth if reading.turns else 0.0, roll, centre
+    )
+    game = reading.game
+    place = game.surface.crossing(*states, task, game.projectile).position[0]
+    return place if np.isfinite(place).all() else task
 
 
 def _check_joints(both: Sightings) -> None:

@@ -183,6 +183,8 @@ class ThrowingSkill(ThrowModel):
         if not np.isfinite(landing).all():
             where = f"the plane of the {self.surface.what} at {task[2]:.2f} m"
             raise Unreachable(f"the plan for {course.azimuth:.2f} rad never comes down on {where}")
+        if self.bias.any():
+            landing = self.surface.point(self.surface.coordinates(landing) + self.bias, landing)
         return PlannedThrow(course, release, landing)
 
     def _course(self, task: np.ndarray, model: Model) -> PlannedPath:

@@ -47,6 +47,9 @@ class ThrowSettings(SkillSettings):
     relabel
         Whether the task parameter of a demonstration is where its ball landed, and not where the
         basket stood.
+    by_motion
+        Whether it is where the motion of the hand led, and not where the fingers and the scatter
+        of the hand let the ball land.
     width
         Demonstrations are weighted by a Gaussian of this width of the distance between their
         target and the new one (8.4.2) [m]; 0: all count alike.
@@ -70,6 +73,8 @@ class ThrowSettings(SkillSettings):
     inputs_once: bool = True
     alignment: str = "release"
     relabel: bool = True
+    # a model's name has the places of its tasks
+    by_motion: bool = field(default=False, repr=False)
     width: float = 0.0
     widths: tuple[float, ...] = ()
     nearest: int = 0

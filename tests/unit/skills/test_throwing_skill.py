@@ -117,6 +117,25 @@ def test_the_task_is_where_the_ball_landed_or_where_the_basket_stood(taught, dem
         )
 
 
+def scattered(demonstration, faster):
+    """The throw with a ball that leaves the hand faster than it, by a share."""
+    time, place = demonstration.moved.time, demonstration.moved.position
+    release = prepare(demonstration, DEFAULT).release
+    flown = np.maximum(time - release.time, 0.0)[:, None] * faster * release.velocity
+    return changed_throw(demonstration, ball_position=place + flown)
+
+
+def test_where_the_motion_leads_is_where_the_ball_lands_but_for_the_scatter(demonstrations):
+    by_motion = changed_throw(DEFAULT, by_motion=True)
+    for demonstration in demonstrations:
+        led, seen = (prepare(demonstration, how).task for how in (by_motion, DEFAULT))
+        assert np.linalg.norm(led - seen) < 0.08
+        other = scattered(demonstration, 0.03)
+        farther = np.linalg.norm(prepare(other, DEFAULT).task - seen)
+        assert farther > 0.05
+        assert np.linalg.norm(prepare(other, by_motion).task - led) < 0.7 * farther
+
+
 def test_a_demonstration_that_cannot_be_used_is_named(demonstrations):
     blind = changed_throw(
         demonstrations[0], id="lost", ball_time=np.empty(0), ball_position=np.empty((0, 3))
@@ -163,6 +182,7 @@ def test_a_demonstration_is_prepared_once_for_all_that_read_it_alike(demonstrati
         {"frames": ("start", "target")},
         {"alignment": "start"},
         {"relabel": False},
+        {"by_motion": True},
         {"stiffness": 150.0},
         {"orientation_stiffness": 150.0},
     ],
