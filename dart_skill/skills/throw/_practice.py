@@ -18,7 +18,6 @@ from dart_skill.skills.practice import (
     Practice,
     PracticeSettings,
     PractisingSkill,
-    Standing,
     practised_skill,
     save_practised,
 )
@@ -114,9 +113,8 @@ class ThrowPractice(Practice):
         each = {f"frame_{k}": one for k, one in enumerate(frames, start=1) if len(frames) > 1}
         return {"components": model.mixture(centre), **each}, tasks
 
-    def standings(self) -> dict[str, Standing]:
-        each = zip(self.model.throws, self.model.credence, strict=True)
-        return {throw.id: Standing(float(weight)) for throw, weight in each}
+    def _weights(self) -> np.ndarray:
+        return self.model.credence
 
     def values(self) -> dict[str, Any]:
         done = self.practising
