@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from dart_skill_msgs.msg import WamCommand
 from dart_skill_msgs.srv import Plan
+from geometry_msgs.msg import PoseStamped
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
@@ -30,6 +31,7 @@ from dart_skill.simulation import MotionCapture
 from dart_skill.skills.observation import sightings
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.commands import CommandWriter
+from dart_skill_nodes.comms.names import remapped
 from dart_skill_nodes.comms.qos import COMPLETE, LOOP
 from tests.integration.conftest import plan_request, wait_for, wait_for_end
 from tests.paths import BAGS
@@ -159,6 +161,34 @@ def test_a_second_publisher_is_no_go_and_the_table_says_so(led, tmp_path):
     (line,) = [one for one in output.splitlines() if "/joint_states: publisher" in one]
     assert line.startswith("NO-GO") and "wam_simulator" in line
     assert "end all but one of" in output and "next: mend what says NO-GO" in output
+
+
+def test_a_name_of_remap_stands_for_all_topics_that_begin_with_it():
+    topics = ("joint_states", "vrpn_mocap/hand/pose", "vrpn_mocap/ball/pose")
+    assert remapped(topics, {"/vrpn_mocap": "/lab/mocap/", "joint_states": "/wam/joints"}) == {
+        "joint_states": "/wam/joints",
+        "vrpn_mocap/hand/pose": "/lab/mocap/hand/pose",
+        "vrpn_mocap/ball/pose": "/lab/mocap/ball/pose",
+    }
+    with pytest.raises(ValueError, match="/mocap:=/x: there is no such topic, only /joint_states"):
+        remapped(topics, {"/mocap": "/x"})
+
+
+def test_topics_of_another_prefix_are_heard(led, tmp_path):
+    """An arm whose cameras publish elsewhere was NO-GO, though the nodes can be remapped."""
+    client, *_ = led
+    poses = client.node.create_publisher(PoseStamped, "/lab/mocap/hand/pose", COMPLETE)
+    listening = Check(tmp_path, "--duration", "4", "--json", "--remap", "/vrpn_mocap:=/lab/mocap")
+
+    def publishes():
+        poses.publish(PoseStamped())
+        return listening.process.poll() is not None
+
+    wait_for(client, publishes, what="the end of the check")
+    lines = {one["check"]: one for one in json.loads(listening.end()[1])["lines"]}
+    heard = lines["/lab/mocap/hand/pose: publisher"]
+    assert heard["verdict"] == "GO", heard
+    assert not [name for name in lines if name.startswith("/vrpn_mocap")]
 
 
 @pytest.mark.slow

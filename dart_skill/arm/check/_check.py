@@ -40,6 +40,8 @@ ERROR = 0.15
 """Error of the hand's position that throws at 2.5 m need [m]."""
 STATE_RATE = 500.0
 """Rate of the joint states [Hz]."""
+SLOWEST_STATES = 250.0
+"""Lowest rate of the joint states with which a skill was shown, learned and executed [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +78,15 @@ def check_arm(
         publisher_line(joints, "the arm's driver"),
         quality_line(joints, better_reliable=True),
         # a reset leaves a gap
-        rate_line(joints, STATE_RATE, None if heard.simulated else float(limits["longest_gap"])),
+        rate_line(
+            joints,
+            STATE_RATE,
+            None if heard.simulated else float(limits["longest_gap"]),
+            SLOWEST_STATES,
+        ),
         stamps_line(joints, heard.simulated),
     ]
-    of_joints = joint_lines(joints, model.description)
+    of_joints = joint_lines(joints, model.description, float(limits["joint_overrun"]))
     lines += of_joints
     for stream in heard.poses.values():
         lines += [

@@ -74,13 +74,17 @@ def quality_line(stream: HeardTopic, better_reliable: bool) -> Line:
     )
 
 
-def rate_line(stream: HeardTopic, rate: float, longest_gap: float | None) -> Line:
+def rate_line(
+    stream: HeardTopic, rate: float, longest_gap: float | None, lowest: float | None = None
+) -> Line:
     """How often it comes, by its stamps, and the longest gap.
 
     Parameters
     ----------
     longest_gap
         None if a gap is no fault, as of a body that is hidden [s].
+    lowest
+        Rate that still worked [Hz]; None: one that is lower by BEARABLE.
     """
     asked = f"{rate:g} Hz" + (f", no gap of {longest_gap:g} s" if longest_gap else "")
     if len(stream) < 3:
@@ -101,7 +105,9 @@ def rate_line(stream: HeardTopic, rate: float, longest_gap: float | None) -> Lin
             "stamp each message when it was measured",
         )
     found, gap = 1.0 / float(np.median(steps)), float(steps.max())
-    verdict = graded(abs(found / rate - 1.0), TOLERANCE, BEARABLE)
+    lowest = (1.0 - BEARABLE) * rate if lowest is None else (1.0 - TOLERANCE) * lowest
+    bearable = BEARABLE if found > rate else 1.0 - lowest / rate
+    verdict = graded(abs(found / rate - 1.0), TOLERANCE, bearable)
     if longest_gap:
         verdict = worst(verdict, graded(gap, 0.5 * longest_gap, longest_gap))
     remedy = (

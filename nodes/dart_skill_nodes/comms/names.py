@@ -3,6 +3,7 @@ it is started in, so that several arms share a ROS domain. Global as everywhere 
 /diagnostics, /tf and /tf_static only.
 """
 
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from dart_skill.common import world
@@ -37,6 +38,11 @@ def pose_topics() -> dict[str, str]:
     }
 
 
+def arm_topics() -> list[str]:
+    """Names of what is heard of an arm and its cameras before anything moves."""
+    return [JOINT_STATES, COMMANDS, CLOCK, *pose_topics().values()]
+
+
 def namespace_of(node: "Node") -> str:
     """Namespace of a node's graph, as what stands before its relative names: "" or "/arm1"."""
     return node.get_namespace().rstrip("/")
@@ -47,6 +53,29 @@ def full_name(node: "Node", name: str) -> str:
     the node.
     """
     return name if name.startswith("/") else f"{namespace_of(node)}/{name}"
+
+
+def remapped(topics: Iterable[str], given: Mapping[str, str]) -> dict[str, str]:
+    """What topics are called instead, by name: a name that is given stands for itself, and for all
+    topics that begin with it.
+
+    * topics: relative names of a graph.
+    * given: new name by old name, with or without the first slash.
+
+    Raises
+    ------
+    ValueError
+        Names one that stands for none of the topics.
+    """
+    found, topics = {}, list(topics)
+    for old, new in given.items():
+        begin = old.strip("/")
+        meant = [name for name in topics if name == begin or name.startswith(f"{begin}/")]
+        if not meant:
+            known = ", ".join(f"/{name}" for name in topics)
+            raise ValueError(f"{old}:={new}: there is no such topic, only {known}")
+        found.update({name: new.rstrip("/") + name.removeprefix(begin) for name in meant})
+    return found
 
 
 def in_namespace(namespace: str) -> list[str]:

@@ -8,12 +8,13 @@ import math
 import select
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dart_skill.cli.run_options import add_namespace
+from dart_skill.cli.run_options import add_namespace, remapping
+from dart_skill_nodes.comms.names import arm_topics, remapped
 from dart_skill_nodes.process.environment import Interrupts, stay_on_this_machine
 from dart_skill_nodes.verbs.on_graph import say
 from dart_skill_nodes.verbs.status import table
@@ -62,6 +63,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="write the registration of cameras and arm, for registration_file",
     )
+    parser.add_argument(
+        "--remap",
+        nargs="+",
+        type=remapping,
+        default=[],
+        metavar="OLD:=NEW",
+        help="a topic, or all that begin so, have another name: /vrpn_mocap:=/mocap",
+    )
     add_namespace(parser)
     parser.add_argument("--json", action="store_true", help="the lines as JSON")
 
@@ -73,7 +82,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     from dart_skill.arm import save_registration
     from dart_skill.arm.check import check_arm
 
-    report = check_arm(listen(options))
+    report = check_arm(listen(options, _remappings(options, parser)))
     written = options.write is not None and report.registration is not None
     if written:
         save_registration(options.write, report.registration)
@@ -104,13 +113,21 @@ def _refuse_what_cannot_be(options: argparse.Namespace, parser: argparse.Argumen
         )
 
 
-def listen(options: argparse.Namespace) -> "Heard":
+def _remappings(options: argparse.Namespace, parser: argparse.ArgumentParser) -> dict[str, str]:
+    """What topics are called instead, by name; a usage error names what is none."""
+    try:
+        return remapped(arm_topics(), dict(one.split("=", 1) for one in options.remap))
+    except ValueError as error:
+        parser.error(f"--remap {error}")
+
+
+def listen(options: argparse.Namespace, remappings: Mapping[str, str]) -> "Heard":
     """Everything that was heard until the options say that it is enough, or Ctrl-C."""
     interrupts = Interrupts()  # before the imports, in which an interrupt may get lost
     from dart_skill_nodes.client.arm_listener import ArmListener
     from dart_skill_nodes.process.node_base import node_of_command
 
-    with node_of_command("arm_check", options.namespace) as (node, spin):
+    with node_of_command("arm_check", options.namespace, remappings) as (node, spin):
         listener = ArmListener(node)
         _listen(options, listener, interrupts, lambda: spin(TAKE))
         heard = listener.heard()
