@@ -29,6 +29,7 @@ from dart_skill.common.fleet import arm_named
 from dart_skill.recording import read_demonstrations
 from dart_skill.simulation import MotionCapture
 from dart_skill.skills.observation import sightings
+from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.commands import CommandWriter
 from dart_skill_nodes.comms.names import remapped
@@ -172,6 +173,21 @@ def test_a_name_of_remap_stands_for_all_topics_that_begin_with_it():
     }
     with pytest.raises(ValueError, match="/mocap:=/x: there is no such topic, only /joint_states"):
         remapped(topics, {"/mocap": "/x"})
+
+
+def test_the_bodies_are_those_of_the_skill(led, tmp_path):
+    """Who teaches the arm to place was told that ball and basket are missing."""
+    client, *_ = led
+    asked = Check(tmp_path, "--duration", "1", "--json", "--skill", "place")
+    wait_for(client, lambda: asked.process.poll() is not None, what="the end of the check")
+    lines = {one["check"]: one for one in json.loads(asked.end()[1])["lines"]}
+    for name in load_skill("place").bodies:
+        assert lines[f"/vrpn_mocap/{name}/pose"]["measured"] == "nobody publishes it"
+    assert not any("ball" in name or "basket" in name for name in lines)
+    none = subprocess.run(
+        ["dart-skill", "check", "arm", "--skill", "juggle"], capture_output=True, text=True
+    )
+    assert none.returncode == 2 and "no skill 'juggle': choose one of darts" in none.stderr
 
 
 def test_topics_of_another_prefix_are_heard(led, tmp_path):

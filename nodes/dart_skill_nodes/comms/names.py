@@ -31,16 +31,9 @@ def pose_topic(body: str) -> str:
     return world.pose_topic(body).removeprefix("/")
 
 
-def pose_topics() -> dict[str, str]:
-    """Topic of the poses of each role in a throw."""
-    return {
-        role: topic.removeprefix("/") for role, topic in world.the_world().pose_topics().items()
-    }
-
-
-def arm_topics() -> list[str]:
-    """Names of what is heard of an arm and its cameras before anything moves."""
-    return [JOINT_STATES, COMMANDS, CLOCK, *pose_topics().values()]
+def pose_topics(roles: Iterable[str] = world.ROLES) -> dict[str, str]:
+    """Topic of the poses of each role, default those of a throw."""
+    return {role: pose_topic(world.the_world().body(role)) for role in roles}
 
 
 def namespace_of(node: "Node") -> str:
