@@ -63,6 +63,7 @@ from dart_skill.arm._plan_checks import STRETCHED as STRETCHED
 from dart_skill.arm._plan_checks import CommanderSettings as CommanderSettings
 from dart_skill.arm._plan_checks import PlanRefused as PlanRefused
 from dart_skill.arm._plan_checks import check_plan as check_plan
+from dart_skill.arm._plan_checks import stretched as stretched
 from dart_skill.arm._registration import KnownRegistration as KnownRegistration
 from dart_skill.arm._registration import Registration as Registration
 from dart_skill.arm._registration import load_registration as load_registration
