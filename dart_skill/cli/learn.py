@@ -233,7 +233,8 @@ def _as_text(skill: PractisingSkill, report: LearnReport, output: Path) -> str:
         f" '{model.configuration.name}'{delay}"
     )
     of_the_arm = strained_in_words(_strained(report))
-    lines += filter(None, [report.weakness, skill.practice.patterns(), of_the_arm])
+    ball = model.ball_in_words([one.slowing for one in model.throws])
+    lines += filter(None, [report.weakness, skill.practice.patterns(), of_the_arm, ball])
     lines.append(f"model {model.model_id}: {output}")
     return "\n".join(lines + _next(THROW, output))
 

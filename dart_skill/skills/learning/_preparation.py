@@ -38,6 +38,7 @@ from dart_skill.recording import Demonstration
 from dart_skill.skills.observation import (
     FreeFlight,
     Release,
+    Slowing,
     column_noise,
     find_flight,
     fit_release,
@@ -114,6 +115,8 @@ class PreparedThrow:
         hand needs so long.
     noise
         Float [m], standard deviation of a coordinate of the hand, as it was recorded.
+    slowing
+        Slowing, what the flight tells of the ball's mass.
     """
 
     id: str
@@ -133,6 +136,7 @@ class PreparedThrow:
     sightings: Sightings
     hand_delay: float
     noise: float
+    slowing: Slowing
 
     @property
     def distance(self) -> float:
@@ -218,7 +222,7 @@ def prepare(demonstration: Demonstration, configuration: ThrowSettings) -> Prepa
 
 def _sealed(throw: PreparedThrow) -> PreparedThrow:
     """The same, with read-only arrays, as many lessons share them."""
-    for part in (throw, throw.release, throw.release.flight, throw.sightings):
+    for part in (throw, throw.release, throw.release.flight, throw.sightings, throw.slowing):
         for value in vars(part).values():
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
@@ -278,6 +282,11 @@ def _prepare(demonstration: Demonstration, reading: _Reading) -> PreparedThrow:
         sightings=both,
         hand_delay=_hand_delay(release.time - d.opened),
         noise=float(noise[0]),
+        slowing=(
+            Slowing.none()
+            if free is None
+            else Slowing.of(d.moved.time, d.moved.position, free, ball)
+        ),
     )
 
 
