@@ -164,15 +164,10 @@ def check_plan(plan: MotionPlan, settings: CommanderSettings, description: WamDe
             f"the plan moves the hand at {speed:.2f} m/s; the limit of a {plan.what} is {fastest}"
             " m/s: choose a nearer target"
         )
-    shoulder = np.array([0.0, 0.0, description.mount_height + description.shoulder_height])
-    reach = description.reach
-    swing = plan.path.position[plan.path.time <= plan.end]
-    farthest = float(np.linalg.norm(swing - shoulder, axis=1).max())
-    if farthest > reach - STRETCHED:
+    if why := stretched(plan, description):
         raise PlanRefused(
-            f"the plan takes the hand {farthest:.3f} m from the shoulder; the arm is stretched at"
-            f" {reach:.3f} m: choose a nearer target, or drop what was shown with a straight"
-            " elbow, and show it with a bent one"
+            f"{why}: choose a nearer target, or drop what was shown with a straight elbow, and"
+            " show it with a bent one"
         )
     model = ArmModel(description)
     position, rotation = model.hand_pose(plan.start_posture)
@@ -183,6 +178,21 @@ def check_plan(plan: MotionPlan, settings: CommanderSettings, description: WamDe
             f"the start posture holds the hand {offset:.3f} m and {turn:.2f} rad from where the"
             " path begins"
         )
+
+
+def stretched(plan: MotionPlan, description: WamDescription) -> str:
+    """How far a plan, as the arm has it, goes beyond what it can follow with a bent elbow, in
+    words; empty if it does not.
+    """
+    shoulder = np.array([0.0, 0.0, description.mount_height + description.shoulder_height])
+    swing = plan.path.position[plan.path.time <= plan.end]
+    farthest = float(np.linalg.norm(swing - shoulder, axis=1).max())
+    if farthest <= description.reach - STRETCHED:
+        return ""
+    return (
+        f"the plan takes the hand {farthest:.3f} m from the shoulder; the arm is stretched at"
+        f" {description.reach:.3f} m"
+    )
 
 
 def check_range(what: str, posture: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:

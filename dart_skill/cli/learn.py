@@ -216,6 +216,7 @@ def _refuse_what_needs_a_bag(options: argparse.Namespace) -> None:
 
 def _as_text(skill: PractisingSkill, report: LearnReport, output: Path) -> str:
     from dart_skill.recording.imports import fault_lines
+    from dart_skill.skills.learning import strained_in_words
 
     lines = [
         *fault_lines(report.faults),
@@ -231,9 +232,19 @@ def _as_text(skill: PractisingSkill, report: LearnReport, output: Path) -> str:
         f"learned from {len(learned)} of {len(report.throws)} throws with"
         f" '{model.configuration.name}'{delay}"
     )
-    lines += filter(None, [report.weakness, skill.practice.patterns()])
+    of_the_arm = strained_in_words(_strained(report))
+    ball = model.ball_in_words([one.slowing for one in model.throws])
+    lines += filter(None, [report.weakness, skill.practice.patterns(), of_the_arm, ball])
     lines.append(f"model {model.model_id}: {output}")
     return "\n".join(lines + _next(THROW, output))
+
+
+def _strained(report: LearnReport) -> dict[str, str]:
+    """Throws that were shown at a limit of the arm, and at which, by their ids."""
+    from dart_skill.skills.learning import strained
+    from dart_skill.skills.protocol import load_skill
+
+    return strained(load_skill(THROW), report.learned_from)
 
 
 def _next(skill: str, model: Path) -> list[str]:
@@ -275,6 +286,7 @@ def _as_json(skill: PractisingSkill, report: LearnReport, output: Path) -> dict:
         "learned_from": [one.id for one in report.learned_from],
         "weakness": report.weakness,
         "patterns": skill.practice.patterns(),
+        "strained": _strained(report),
         "configuration": skill.skill.configuration.name,
         "model_id": skill.skill.model_id,
         "model": str(output),

@@ -139,6 +139,14 @@ def _namespace(text: str) -> str:
     return name
 
 
+def remapping(text: str) -> str:
+    """A topic under another name, as the nodes take it: old=new, from /old:=/new."""
+    old, _, new = text.partition(":=")
+    if not (old and new):
+        raise argparse.ArgumentTypeError(f"'{text}': write it as /old:=/new")
+    return f"{old}={new}"
+
+
 def add_arm(parser: argparse.ArgumentParser) -> None:
     """What stands in for hardware."""
     parser.add_argument(

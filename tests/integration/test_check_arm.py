@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from dart_skill_msgs.msg import WamCommand
 from dart_skill_msgs.srv import Plan
+from geometry_msgs.msg import PoseStamped
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
@@ -28,8 +29,10 @@ from dart_skill.common.fleet import arm_named
 from dart_skill.recording import read_demonstrations
 from dart_skill.simulation import MotionCapture
 from dart_skill.skills.observation import sightings
+from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.commands import CommandWriter
+from dart_skill_nodes.comms.names import remapped
 from dart_skill_nodes.comms.qos import COMPLETE, LOOP
 from tests.integration.conftest import plan_request, wait_for, wait_for_end
 from tests.paths import BAGS
@@ -159,6 +162,49 @@ def test_a_second_publisher_is_no_go_and_the_table_says_so(led, tmp_path):
     (line,) = [one for one in output.splitlines() if "/joint_states: publisher" in one]
     assert line.startswith("NO-GO") and "wam_simulator" in line
     assert "end all but one of" in output and "next: mend what says NO-GO" in output
+
+
+def test_a_name_of_remap_stands_for_all_topics_that_begin_with_it():
+    topics = ("joint_states", "vrpn_mocap/hand/pose", "vrpn_mocap/ball/pose")
+    assert remapped(topics, {"/vrpn_mocap": "/lab/mocap/", "joint_states": "/wam/joints"}) == {
+        "joint_states": "/wam/joints",
+        "vrpn_mocap/hand/pose": "/lab/mocap/hand/pose",
+        "vrpn_mocap/ball/pose": "/lab/mocap/ball/pose",
+    }
+    with pytest.raises(ValueError, match="/mocap:=/x: there is no such topic, only /joint_states"):
+        remapped(topics, {"/mocap": "/x"})
+
+
+def test_the_bodies_are_those_of_the_skill(led, tmp_path):
+    """Who teaches the arm to place was told that ball and basket are missing."""
+    client, *_ = led
+    asked = Check(tmp_path, "--duration", "1", "--json", "--skill", "place")
+    wait_for(client, lambda: asked.process.poll() is not None, what="the end of the check")
+    lines = {one["check"]: one for one in json.loads(asked.end()[1])["lines"]}
+    for name in load_skill("place").bodies:
+        assert lines[f"/vrpn_mocap/{name}/pose"]["measured"] == "nobody publishes it"
+    assert not any("ball" in name or "basket" in name for name in lines)
+    none = subprocess.run(
+        ["dart-skill", "check", "arm", "--skill", "juggle"], capture_output=True, text=True
+    )
+    assert none.returncode == 2 and "no skill 'juggle': choose one of darts" in none.stderr
+
+
+def test_topics_of_another_prefix_are_heard(led, tmp_path):
+    """An arm whose cameras publish elsewhere was NO-GO, though the nodes can be remapped."""
+    client, *_ = led
+    poses = client.node.create_publisher(PoseStamped, "/lab/mocap/hand/pose", COMPLETE)
+    listening = Check(tmp_path, "--duration", "4", "--json", "--remap", "/vrpn_mocap:=/lab/mocap")
+
+    def publishes():
+        poses.publish(PoseStamped())
+        return listening.process.poll() is not None
+
+    wait_for(client, publishes, what="the end of the check")
+    lines = {one["check"]: one for one in json.loads(listening.end()[1])["lines"]}
+    heard = lines["/lab/mocap/hand/pose: publisher"]
+    assert heard["verdict"] == "GO", heard
+    assert not [name for name in lines if name.startswith("/vrpn_mocap")]
 
 
 @pytest.mark.slow

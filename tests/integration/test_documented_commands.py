@@ -121,6 +121,8 @@ NODES = Elsewhere("integration/test_executables.py::test_starts_with_ros2_run_an
 ARM = Elsewhere(
     "integration/test_check_arm.py::test_the_registration_of_loose_cameras_is_found_and_written"
 )
+OF_A_SKILL = Elsewhere("integration/test_check_arm.py::test_the_bodies_are_those_of_the_skill")
+REMAPPED = Elsewhere("integration/test_check_arm.py::test_topics_of_another_prefix_are_heard")
 MODEL = Elsewhere(
     "integration/test_up.py::test_a_model_that_was_learned_from_a_bag_throws_at_once"
 )
@@ -356,6 +358,8 @@ TYPED = {
     "ros2 run dart_skill effort_bridge": NODES,
     "dart-skill check arm": ARM,
     "dart-skill check arm --postures 10 --write cameras.yaml": ARM,
+    "dart-skill check arm --skill place": OF_A_SKILL,
+    "dart-skill check arm --remap /vrpn_mocap:=/mocap": REMAPPED,
     "ros2 run dart_skill demonstration_recorder --ros-args -p automatic:=true": BY_HAND,
     "dart-skill bag play bags/demonstrations --rate 0 --commands --exclude /demonstrations --wait-for '/joint_states|/wam/(command|teacher_wrench)|/vrpn_mocap/.*/pose'": (
         BY_HAND

@@ -18,6 +18,7 @@ from dart_skill.common.situation import Pose
 from dart_skill.common.world import ROLES
 from dart_skill.recording import HAND
 from dart_skill.skills.protocol import load_skill
+from dart_skill_nodes.client import person as person_module
 from dart_skill_nodes.client.person import LOOK, PersonAtTheArm
 from dart_skill_nodes.client.service_calls import ServiceCalls
 from dart_skill_nodes.comms.conversions import pose_msg, time_msg
@@ -165,6 +166,21 @@ def test_states_that_come_after_the_word_that_the_arm_is_held_say_where_it_is(to
     told.cameras_see(9)
     told.until(lambda: told.ended)
     assert told.ended == [None]
+
+
+def test_an_arm_on_its_way_is_not_asked_to_be_held(told, monkeypatch):
+    """Who held it, as the coach asked after 2 s of every longer way, ended practice: the remedy
+    was one of an arm that is free.
+    """
+    monkeypatch.setattr(person_module, "HINT", 0.0)
+    said = []
+    told.person.ask = said.append
+    told.until(lambda: told.say("moving", newest=5) and said)
+    assert set(said) == {
+        "the arm is still on its way, the commander says 'moving': wait until it rests"
+    }
+    told.until(lambda: told.say("free") and len(set(said)) > 1)
+    assert said[-1].endswith("hold it (/commander/release_arm with data: false)")
 
 
 class Beside:

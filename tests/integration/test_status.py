@@ -136,4 +136,3 @@ def test_where_no_node_of_the_graph_is_found_something_is_wrong(
 def test_a_column_is_as_wide_as_what_stands_in_it_and_no_wider_than_it_may_be():
     rows = [("x" * 9, "y"), ("z", "w")]
     assert table(("a", "b"), rows) == ["a          b", "xxxxxxxxx  y", "z          w"]
-    assert table(("a", "b"), rows, widest=3) == ["a    b", "xxxxxxxxx  y", "z    w"]

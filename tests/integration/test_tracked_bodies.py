@@ -17,10 +17,13 @@ from std_srvs.srv import Trigger
 
 from dart_skill.common.constants import NS_PER_S
 from dart_skill.common.world import ROLES, joint_names, pose_topic
+from dart_skill.recording import read_demonstrations
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import COMPLETE
 from dart_skill_nodes.comms.tracked_bodies import FRAME_NS, REPAIRED, TrackedBodies
+from dart_skill_nodes.executables.demonstration_recorder import DemonstrationRecorder
 from tests.integration.conftest import wait_for
+from tests.paths import BAGS
 
 
 class Wall:
@@ -187,6 +190,26 @@ def stranger(ros):
     node = rclpy.create_node("driver_without_stamps")
     yield node
     node.destroy_node()
+
+
+def test_stop_says_at_once_that_the_arm_was_stretched(ros, monkeypatch, tmp_path):
+    """It was kept without a word, and so were four of four."""
+    shown = read_demonstrations(BAGS / "demonstrations")[0]
+    monkeypatch.chdir(tmp_path)
+    node = DemonstrationRecorder()
+    node.observer.recording = True
+    monkeypatch.setattr(node.observer, "cut", lambda *_: shown)
+    said = {}
+    for why in ("", "the arm was stretched: bend the elbow"):
+        monkeypatch.setattr(node._learner, "strain", lambda one, why=why: why)
+        said[why] = StopDemonstration.Response()
+        node._on_stop(StopDemonstration.Request(keep=True), said[why])
+    well, stretched = said.values()
+    node.destroy_node()
+    assert (well.readable, well.message) == (True, "")
+    assert stretched.readable and stretched.message == (
+        f"kept, but the arm was stretched: bend the elbow; better drop {shown.id}, and show it again"
+    )
 
 
 def test_poses_that_nobody_stamped_are_told_by_the_recorder(make_graph, stranger, tmp_path):

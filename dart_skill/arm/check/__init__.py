@@ -5,6 +5,7 @@ was heard of them, go or no go.
 from dart_skill.arm.check._check import ArmReport, check_arm
 from dart_skill.arm.check._heard import Endpoint, Grade, Heard, HeardJoints, HeardPoses, Line
 from dart_skill.arm.check._joints import PostureCounter
+from dart_skill.arm.check._table import as_text
 
 __all__ = [
     "ArmReport",
@@ -15,5 +16,6 @@ __all__ = [
     "HeardPoses",
     "PostureCounter",
     "Grade",
+    "as_text",
     "check_arm",
 ]

@@ -38,6 +38,8 @@ def camera_lines(heard: Heard, model: ArmModel, joints_are_right: bool) -> list[
     """Reach and noise for each body."""
     lines = []
     for role, stream in heard.poses.items():
+        if not len(stream):
+            continue  # it is told that nothing came
         lines += [
             _reach(role, stream, heard, model if joints_are_right else None),
             _noise(role, stream),
@@ -76,7 +78,7 @@ def _reach(role: str, stream: HeardPoses, heard: Heard, model: ArmModel | None) 
     remedy = (
         "turn or add cameras"
         + (f": {where}" if where else "")
-        + ("; put the ball into the hand" if role == "ball" else "")
+        + (f"; put the {role} into the hand" if role == heard.in_hand else "")
     )
     return line(
         check,

@@ -12,7 +12,7 @@ import numpy as np
 from dart_skill.arm import ArmModel, RegistrationFit, WamDescription
 from dart_skill.arm.check._cameras import RATE, camera_lines
 from dart_skill.arm.check._hand import hand_lines
-from dart_skill.arm.check._heard import Grade, Heard, Line, graded, line
+from dart_skill.arm.check._heard import Grade, Heard, HeardPoses, Line, graded, line
 from dart_skill.arm.check._joints import joint_lines
 from dart_skill.arm.check._topics import (
     command_line,
@@ -20,6 +20,7 @@ from dart_skill.arm.check._topics import (
     publisher_line,
     quality_line,
     rate_line,
+    silent_line,
     stamps_line,
     time_base_line,
 )
@@ -40,6 +41,8 @@ ERROR = 0.15
 """Error of the hand's position that throws at 2.5 m need [m]."""
 STATE_RATE = 500.0
 """Rate of the joint states [Hz]."""
+SLOWEST_STATES = 250.0
+"""Lowest rate of the joint states with which a skill was shown, learned and executed [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -72,25 +75,10 @@ def check_arm(
     limits = node_parameters("commander.yaml", "commander") if limits is None else limits
     model = model or ArmModel()
     joints = heard.joints
-    lines = [
-        publisher_line(joints, "the arm's driver"),
-        quality_line(joints, better_reliable=True),
-        # a reset leaves a gap
-        rate_line(joints, STATE_RATE, None if heard.simulated else float(limits["longest_gap"])),
-        stamps_line(joints, heard.simulated),
-    ]
-    of_joints = joint_lines(joints, model.description)
-    lines += of_joints
+    of_joints = joint_lines(joints, model.description, float(limits["joint_overrun"]))
+    lines = [*_of_states(heard, limits), *of_joints] if len(joints) else [silent_line(joints)]
     for stream in heard.poses.values():
-        lines += [
-            publisher_line(stream, "the cameras' driver (vrpn_mocap)"),
-            quality_line(stream, better_reliable=False),
-        ]
-        lines += [
-            rate_line(stream, RATE, None),
-            stamps_line(stream, heard.simulated),
-            frame_line(stream, the_world().frame_id),
-        ]
+        lines += _of_poses(stream, heard.simulated) if len(stream) else [silent_line(stream)]
     lines += [time_base_line(heard), command_line(heard)]
     right = all(one.verdict is not Grade.NO_GO for one in of_joints[:2])
     of_hand, fit = hand_lines(heard, model, right)
@@ -100,6 +88,30 @@ def check_arm(
         *_safety_lines(limits, model.description, heard.simulated),
     ]
     return ArmReport(tuple(lines), fit)
+
+
+def _of_states(heard: Heard, limits: Mapping) -> list[Line]:
+    """Lines about the joint states as messages."""
+    joints = heard.joints
+    # a reset leaves a gap
+    longest_gap = None if heard.simulated else float(limits["longest_gap"])
+    return [
+        publisher_line(joints),
+        quality_line(joints, better_reliable=True),
+        rate_line(joints, STATE_RATE, longest_gap, SLOWEST_STATES),
+        stamps_line(joints, heard.simulated),
+    ]
+
+
+def _of_poses(stream: HeardPoses, simulated: bool) -> list[Line]:
+    """Lines about the poses of a body as messages."""
+    return [
+        publisher_line(stream),
+        quality_line(stream, better_reliable=False),
+        rate_line(stream, RATE, None),
+        stamps_line(stream, simulated),
+        frame_line(stream, the_world().frame_id),
+    ]
 
 
 def _safety_lines(limits: Mapping, description: WamDescription, simulated: bool) -> list[Line]:

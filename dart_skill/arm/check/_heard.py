@@ -109,9 +109,11 @@ class Heard:
     joints
         Of the arm's driver.
     poses
-        Of the hand, the ball and the basket.
+        Of the hand and of the other bodies of the skill, by role.
     commanders, drivers
         Who publishes /wam/command, and who takes it.
+    in_hand
+        Role of the body that is in the hand when a trial begins; empty if there is none.
     """
 
     simulated: bool
@@ -119,6 +121,7 @@ class Heard:
     poses: Mapping[str, HeardPoses]
     commanders: tuple[Endpoint, ...] = ()
     drivers: tuple[Endpoint, ...] = ()
+    in_hand: str = ""
 
 
 class Grade(str, Enum):

@@ -18,6 +18,8 @@ SHARE = 0.25
 """So far the slope of speeds over differences of positions may be from one."""
 WINDOW = 0.02
 """Over which positions are differenced [s]."""
+NEAR_END = 0.05
+"""A joint that was nearer to its end is warned of [rad]."""
 
 REST = 0.05
 """Joint speed below which an arm rests [rad/s]."""
@@ -27,11 +29,17 @@ NEW = 0.2
 """A posture is new if a joint is so far from where it was in all others [rad]."""
 
 
-def joint_lines(stream: HeardJoints, description: WamDescription) -> list[Line]:
-    """Names, positions, velocities."""
+def joint_lines(stream: HeardJoints, description: WamDescription, overrun: float) -> list[Line]:
+    """Names, positions, velocities.
+
+    Parameters
+    ----------
+    overrun
+        So far beyond its end a joint may be [rad]: as far as the commander lets it be.
+    """
     return [
         _names(stream, description),
-        _positions(stream, description),
+        _positions(stream, description, overrun),
         _velocities(stream, description),
     ]
 
@@ -65,7 +73,7 @@ def _names(stream: HeardJoints, description: WamDescription) -> Line:
     return line("joint names", Grade.GO, ", ".join(stream.orders[0]), asked)
 
 
-def _positions(stream: HeardJoints, description: WamDescription) -> Line:
+def _positions(stream: HeardJoints, description: WamDescription, overrun: float) -> Line:
     lower, upper = description.of_joints("lower"), description.of_joints("upper")
     asked = "within the joints' range, radians"
     q = stream.position
@@ -82,9 +90,13 @@ def _positions(stream: HeardJoints, description: WamDescription) -> Line:
     beyond = np.maximum(q - upper, lower - q).max(axis=0)
     j = int(beyond.argmax())
     name = description.joints[j].name
-    if beyond[j] <= 0.0:
-        near = f"nearest to an end: {name}, {-beyond[j]:.2f} rad"
-        tight = Grade.WARN if -beyond[j] < 0.05 else Grade.GO
+    if beyond[j] <= overrun:
+        near = (
+            f"beyond its end: {name}, by {beyond[j]:.3f} rad"
+            if beyond[j] > 0.0
+            else f"nearest to an end: {name}, {-beyond[j]:.2f} rad"
+        )
+        tight = Grade.WARN if -beyond[j] < NEAR_END else Grade.GO
         return line(
             "joint positions",
             tight,

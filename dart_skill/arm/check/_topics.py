@@ -36,19 +36,27 @@ ONE_BASE = 0.2
 """Ages of joints and poses that differ by more are ages on two clocks [s]."""
 
 
-def publisher_line(stream: HeardTopic, source: str) -> Line:
-    """Exactly one publisher.
+def silent_line(stream: HeardTopic) -> Line:
+    """Nothing came of a topic: all that is to be said of it."""
+    names = ", ".join(one.node for one in stream.publishers)
+    measured = f"no message, though {names} publishes it" if names else "nobody publishes it"
+    if not isinstance(stream, HeardPoses):
+        remedy = "look at the arm's driver" if names else "start the arm's driver"
+    else:
+        remedy = "is the body switched on and named as in config/world.yaml? are its markers seen?"
+    if not names:
+        others = ", or look at" if remedy.startswith("start") else " else look at"
+        remedy += f"{others} ROS_DOMAIN_ID and the topic's name (--remap)"
+    return line(stream.topic, Grade.NO_GO, measured, "messages", remedy)
 
-    Parameters
-    ----------
-    source
-        What publishes it.
-    """
+
+def publisher_line(stream: HeardTopic) -> Line:
+    """Exactly one publisher, of a topic that was heard."""
     names = [one.node for one in stream.publishers]
     remedy = (
         f"end all but one of {', '.join(names)}"
         if len(names) > 1
-        else f"start {source}, or look at ROS_DOMAIN_ID and the topic's name"
+        else "its publisher has ended: look at its driver"
     )
     verdict = Grade.GO if len(names) == 1 else Grade.NO_GO
     return line(
@@ -74,13 +82,17 @@ def quality_line(stream: HeardTopic, better_reliable: bool) -> Line:
     )
 
 
-def rate_line(stream: HeardTopic, rate: float, longest_gap: float | None) -> Line:
+def rate_line(
+    stream: HeardTopic, rate: float, longest_gap: float | None, lowest: float | None = None
+) -> Line:
     """How often it comes, by its stamps, and the longest gap.
 
     Parameters
     ----------
     longest_gap
         None if a gap is no fault, as of a body that is hidden [s].
+    lowest
+        Rate that still worked [Hz]; None: one that is lower by BEARABLE.
     """
     asked = f"{rate:g} Hz" + (f", no gap of {longest_gap:g} s" if longest_gap else "")
     if len(stream) < 3:
@@ -101,7 +113,9 @@ def rate_line(stream: HeardTopic, rate: float, longest_gap: float | None) -> Lin
             "stamp each message when it was measured",
         )
     found, gap = 1.0 / float(np.median(steps)), float(steps.max())
-    verdict = graded(abs(found / rate - 1.0), TOLERANCE, BEARABLE)
+    lowest = (1.0 - BEARABLE) * rate if lowest is None else (1.0 - TOLERANCE) * lowest
+    bearable = BEARABLE if found > rate else 1.0 - lowest / rate
+    verdict = graded(abs(found / rate - 1.0), TOLERANCE, bearable)
     if longest_gap:
         verdict = worst(verdict, graded(gap, 0.5 * longest_gap, longest_gap))
     remedy = (

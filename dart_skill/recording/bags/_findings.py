@@ -40,6 +40,12 @@ LEAP_NS = 86_400 * NS_PER_S
 """Shortest pause that means that a clock was set [ns]."""
 SHORTEST_LEAP_NS = 60 * NS_PER_S
 """Shortest pause that means so if it is longer than half of the bag [ns]."""
+SHORTEST_SET_BACK_NS = NS_PER_S
+"""A clock is rarely set back by less [ns]; publishers with delays of their own make steps back that
+are shorter.
+"""
+SHUFFLED = 0.01
+"""Share of the messages of a topic after shorter steps back from which on no clock was set."""
 _LATEST_NS = 2**63 - 1
 """Largest log time; later ones count as this one [ns]."""
 _PER_OCTAVE = 8
@@ -74,14 +80,33 @@ class Finding:
 
 
 @dataclass
+class _StepsBack:
+    """Steps back of log times: their number, the largest of them, and where the first begins."""
+
+    n: int = 0
+    most_ns: int = 0
+    first_ns: int = 0
+
+    def take(self, stamps: np.ndarray, steps: np.ndarray) -> None:
+        """Log times before steps, and the steps (n,) [ns]."""
+        if len(steps):
+            self.first_ns = self.first_ns if self.n else int(stamps[0])
+            self.n += len(steps)
+            self.most_ns = max(self.most_ns, int(-steps.min()))
+
+    def in_words(self) -> str:
+        """Where the first is, and how large the largest."""
+        return f"by up to {self.most_ns / NS_PER_S:.6f} s, first at {self.first_ns} ns"
+
+
+@dataclass
 class _Intervals:
     """Times between successive messages of one kind."""
 
     first_ns: int | None = None
     last_ns: int = 0
-    n_back: int = 0
-    most_back_ns: int = 0
-    back_at_ns: int = 0
+    n: int = 0
+    back: _StepsBack = field(default_factory=_StepsBack)
     histogram: np.ndarray = field(default_factory=lambda: np.zeros(64 * _PER_OCTAVE, np.int64))
     longest: list[tuple[int, int]] = field(default_factory=list)  # and when each began
 
@@ -92,15 +117,23 @@ class _Intervals:
             stamps = np.concatenate(([self.last_ns], stamps))
         self.last_ns = int(stamps[-1])
         steps = np.diff(stamps)
-        back = np.flatnonzero(steps < 0)
-        if len(back):
-            self.back_at_ns = self.back_at_ns if self.n_back else int(stamps[back[0]])
-            self.n_back += len(back)
-            self.most_back_ns = max(self.most_back_ns, int(-steps.min()))
+        self.n += len(steps)
+        self.back.take(stamps[:-1][steps < 0], steps[steps < 0])
         classes = (np.log2(np.maximum(steps, 1)) * _PER_OCTAVE).astype(int)
         self.histogram += np.bincount(classes[steps >= 0], minlength=len(self.histogram))
         new = [(int(steps[k]), int(stamps[k])) for k in np.argsort(steps)[-N_LONGEST:]]
         self.longest = sorted([*self.longest, *(gap for gap in new if gap[0] > 0)])[-N_LONGEST:]
+
+    @property
+    def is_turned(self) -> bool:
+        """Whether a step back is as long as the usual interval: smaller disorder is usual."""
+        return self.back.n > 0 and self.back.most_ns >= self.share(0.5) * 0.9
+
+    @property
+    def is_shuffled(self) -> bool:
+        """Whether small steps back come again and again, as where several publish the topic."""
+        often = self.back.n >= max(FEWEST, SHUFFLED * self.n)
+        return often and self.back.most_ns < SHORTEST_SET_BACK_NS
 
     @property
     def extent(self) -> tuple[int, int]:
@@ -187,38 +220,19 @@ class TimeLine:
                 self._topics.setdefault(name, _Intervals()).take(stamps[of_topic])
 
     def _back(self, place: str) -> list[Finding]:
-        turned = {
-            name: one
-            for name, one in self._topics.items()
-            if one.n_back and one.most_back_ns >= one.share(0.5) * 0.9
-        }
+        turned = {name: one for name, one in self._topics.items() if one.is_turned}
+        shuffled = {name: one for name, one in turned.items() if one.is_shuffled}
+        found = [_shuffled(name, one) for name, one in shuffled.items()]
+        turned = {name: one for name, one in turned.items() if name not in shuffled}
         if turned:
-            name, worst = max(turned.items(), key=lambda item: item[1].most_back_ns)
-            others = f" and {len(turned) - 1} other topics" if len(turned) > 1 else ""
-            return [
-                Finding(
-                    "warning",
-                    place,
-                    (
-                        f"log time jumps back {worst.n_back} times, by up to"
-                        f" {worst.most_back_ns / NS_PER_S:.6f} s, first at {worst.back_at_ns} ns, on"
-                        f" {name}{others}"
-                    ),
-                    "a clock was set, or a simulation began anew",
-                )
-            ]
-        if self._all.most_back_ns < NS_PER_S:
-            return []
-        return [
-            Finding(
-                "note",
-                place,
-                (
-                    "messages do not stand in order of log time, by up to"
-                    f" {self._all.most_back_ns / NS_PER_S:.3f} s: readers sort them"
-                ),
-            )
-        ]
+            return [*found, _set_back(place, turned)]
+        if found or self._all.back.most_ns < NS_PER_S:
+            return found
+        text = (
+            "messages do not stand in order of log time, by up to"
+            f" {self._all.back.most_ns / NS_PER_S:.3f} s: readers sort them"
+        )
+        return [Finding("note", place, text)]
 
     def _pauses(self, regular: dict[str, list[tuple[int, int]]]) -> list[tuple[int, int]]:
         """Length and begin of what no regular topic has messages in, in order: in gaps, before it
@@ -273,6 +287,24 @@ class TimeLine:
         )
         cause = "what published it was silent, or its messages were lost"
         return [Finding("warning" if is_short else "note", f"topic {name}", text, cause)]
+
+
+def _set_back(place: str, turned: dict[str, _Intervals]) -> Finding:
+    """A clock that was set back, as topics show it."""
+    name, worst = max(turned.items(), key=lambda item: item[1].back.most_ns)
+    others = f" and {len(turned) - 1} other topics" if len(turned) > 1 else ""
+    text = f"log time jumps back {worst.back.n} times, {worst.back.in_words()}, on {name}{others}"
+    return Finding("warning", place, text, "a clock was set, or a simulation began anew")
+
+
+def _shuffled(name: str, topic: _Intervals) -> Finding:
+    """Messages of a topic that do not stand in order, though no clock was set."""
+    text = (
+        f"{topic.back.n} of {topic.n + 1} messages stand after later ones,"
+        f" {topic.back.in_words()}: readers sort them"
+    )
+    cause = "several publishers with delays of their own are the usual case; no clock was set"
+    return Finding("note", f"topic {name}", text, cause)
 
 
 def _covers(gap: tuple[int, int], *pauses: tuple[int, int]) -> bool:

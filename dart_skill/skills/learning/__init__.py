@@ -48,6 +48,7 @@ from dart_skill.skills.learning._representation import (
     OnManifold,
     Representation,
 )
+from dart_skill.skills.learning._strain import strain, strained, strained_in_words
 from dart_skill.skills.learning._task_frames import frames_for
 from dart_skill.skills.learning._throw_model import ThrowModel, credence_of
 from dart_skill.skills.learning._throwing import (
@@ -125,6 +126,9 @@ __all__ = [
     "prepare_movement",
     "save_model",
     "stretched_at",
+    "strain",
+    "strained",
+    "strained_in_words",
     "unlike",
     "usable",
     "weights_at",

@@ -30,7 +30,7 @@ from dart_skill.movement import (
     stiffness_from_covariance,
 )
 from dart_skill.recording import HAND, Demonstration
-from dart_skill.skills.learning._outliers import unlike
+from dart_skill.skills.learning._outliers import unlike, unlike_movement
 from dart_skill.skills.learning._policy import Policy
 from dart_skill.skills.learning._prepared import PreparedMovement, prepare_movement
 from dart_skill.skills.learning._reactive import Autonomous
@@ -188,6 +188,12 @@ class LearnedSkill:
         mean square [m]; nan where there are too few.
         """
         return float(np.sqrt(np.mean(np.square(unlike(self)))))
+
+    def unlike_the_others(self, i: int) -> float:
+        """Distance of the way of demonstration i from what the others teach for its situation [m];
+        nan where they teach nothing for it.
+        """
+        return unlike_movement(self, i)
 
     def mixture(self, situation: Situation) -> GaussianMixture:
         """The mixture (7.21) of time and position in the world for a situation that says where the

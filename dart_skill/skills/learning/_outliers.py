@@ -14,6 +14,7 @@ from dart_skill.skills.learning._prepared import RATE
 
 if TYPE_CHECKING:
     from dart_skill.skills.learning._learned import LearnedSkill
+    from dart_skill.skills.learning._throwing import ThrowingSkill
 
 FEWEST = 3
 """Fewest demonstrations of which one can be unlike the others."""
@@ -28,17 +29,17 @@ part of the way before and after.
 """
 
 
-def unlike(model: LearnedSkill) -> np.ndarray:
+def unlike(model: LearnedSkill | ThrowingSkill) -> np.ndarray:
     """Distance of the way of each demonstration from what the others teach in its place (n,) [m]:
-    root mean square.
+    root mean square; of a throw, the way until the release.
 
     Each is left out once and asked of a model of the others. nan for fewer than three, and where
     the others teach nothing for it.
     """
-    n = len(model.movements)
+    n = len(model.ids)
     if n < FEWEST:
         return np.full(n, np.nan)
-    return np.array([_distance(model, i) for i in range(n)])
+    return np.array([model.unlike_the_others(i) for i in range(n)])
 
 
 def outliers(distances: np.ndarray) -> np.ndarray:
@@ -48,7 +49,8 @@ def outliers(distances: np.ndarray) -> np.ndarray:
     return np.nan_to_num(distances) > np.maximum(FARTHER * usual, LEAST)
 
 
-def _distance(model: LearnedSkill, i: int) -> float:
+def unlike_movement(model: LearnedSkill, i: int) -> float:
+    """Distance of the way of one movement from what the others teach for its situation [m]."""
     settings = replace(model.skill.settings, least_demonstrations=1)
     others = [one for k, one in enumerate(model.demonstrations) if k != i]
     movement, clock = model.movements[i], np.arange(0.0, model.duration, 1.0 / RATE)
@@ -60,6 +62,13 @@ def _distance(model: LearnedSkill, i: int) -> float:
     shown = movement.features[:, VECTORS["position"]]
     stretched = movement.time * model.duration / movement.duration
     seen = np.column_stack([np.interp(clock, stretched, column) for column in shown.T])
+    return ways_apart(seen, way)
+
+
+def ways_apart(seen: np.ndarray, way: np.ndarray) -> float:
+    """Distance of a way that was seen from another one (n, 3) at the same instants: root mean
+    square [m].
+    """
     return float(np.sqrt(np.mean(_nearest(seen, way, round(ASIDE * len(way))) ** 2)))
 
 

@@ -39,6 +39,7 @@ from dart_skill.skills.learning._ball_path import ball_states
 from dart_skill.skills.observation import (
     FreeFlight,
     Release,
+    Slowing,
     column_noise,
     find_flight,
     fit_release,
@@ -117,6 +118,8 @@ class PreparedThrow:
         Float [m], standard deviation of a coordinate of the hand, as it was recorded.
     seen
         Where the ball came down (3,) [m], if the task is where the motion led; else the task.
+    slowing
+        Slowing, what the flight tells of the ball's mass.
     """
 
     id: str
@@ -137,6 +140,7 @@ class PreparedThrow:
     hand_delay: float
     noise: float
     seen: np.ndarray
+    slowing: Slowing
 
     @property
     def distance(self) -> float:
@@ -224,7 +228,7 @@ def prepare(demonstration: Demonstration, configuration: ThrowSettings) -> Prepa
 
 def _sealed(throw: PreparedThrow) -> PreparedThrow:
     """The same, with read-only arrays, as many lessons share them."""
-    for part in (throw, throw.release, throw.release.flight, throw.sightings):
+    for part in (throw, throw.release, throw.release.flight, throw.sightings, throw.slowing):
         for value in vars(part).values():
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
@@ -286,6 +290,11 @@ def _prepare(demonstration: Demonstration, reading: _Reading) -> PreparedThrow:
         hand_delay=_hand_delay(release.time - d.opened),
         noise=float(noise[0]),
         seen=seen,
+        slowing=(
+            Slowing.none()
+            if free is None
+            else Slowing.of(d.moved.time, d.moved.position, free, ball)
+        ),
     )
 
 

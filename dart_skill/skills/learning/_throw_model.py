@@ -14,6 +14,7 @@ import numpy as np
 from dart_skill.arm import (
     fit_registration,
 )
+from dart_skill.common.flight import TENNIS_BALL
 from dart_skill.mixture import GaussianMixture
 from dart_skill.movement import (
     DSGMR,
@@ -31,6 +32,7 @@ from dart_skill.skills.learning._preparation import PreparedThrow
 from dart_skill.skills.learning._refinement import Refinement, Unreachable
 from dart_skill.skills.learning._representation import Representation
 from dart_skill.skills.learning._task_frames import frames_for
+from dart_skill.skills.observation import Slowing
 from dart_skill.skills.protocol import Skill, ThrowSettings, general_part, part_of
 
 MARGIN = 0.05
@@ -160,7 +162,15 @@ class ThrowModel:
     @property
     def facts(self) -> tuple[str, ...]:
         """What there is to say of the model."""
-        return (f"the hand opens {1e3 * self.hand_delay:.0f} ms after it is told to",)
+        opens = f"the hand opens {1e3 * self.hand_delay:.0f} ms after it is told to"
+        return (opens, *filter(None, [self.ball_in_words([one.slowing for one in self.throws])]))
+
+    def ball_in_words(self, flights: Sequence[Slowing]) -> str:
+        """What flights say against the mass of the ball of config/world.yaml; empty if nothing, and
+        of what is no such ball.
+        """
+        ball = self.configuration.game.projectile
+        return Slowing.together(flights).in_words(ball) if ball == TENNIS_BALL else ""
 
     def mixture(self, target: np.ndarray) -> GaussianMixture:
         """The mixture (7.21) in the world for one task parameter (3,)."""

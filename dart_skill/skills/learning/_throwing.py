@@ -43,8 +43,9 @@ from dart_skill.movement import (
 )
 from dart_skill.recording import Demonstration
 from dart_skill.skills.learning._ball_path import ball_states
+from dart_skill.skills.learning._outliers import ways_apart
 from dart_skill.skills.learning._planned_path import PlannedPath
-from dart_skill.skills.learning._preparation import PreparedThrow, prepare
+from dart_skill.skills.learning._preparation import RATE, PreparedThrow, prepare
 from dart_skill.skills.learning._refinement import PlannedThrow, Unreachable
 from dart_skill.skills.learning._release import hit_at
 from dart_skill.skills.learning._task_frames import frames_for
@@ -126,6 +127,24 @@ class ThrowingSkill(ThrowModel):
         others = self.credence * (1.0 - np.eye(len(self.throws)))
         squares = [-self._predicts(i, weights) for i, weights in enumerate(others)]
         return float(np.sqrt(np.mean(squares))) if np.isfinite(squares).all() else float("inf")
+
+    def unlike_the_others(self, i: int) -> float:
+        """Distance of the way of demonstration i, until its release, from what the others teach
+        for its target [m]; nan where they teach nothing for it.
+        """
+        weights = self._weights(self._tasks[i]) if self.is_local else self.credence
+        others = np.where(np.arange(len(self.throws)) == i, 0.0, weights)
+        try:
+            course = self._course(self._tasks[i], self._fit(others))
+        except Unreachable:
+            return float("nan")
+        shown = self.throws[i]
+        clock = np.arange(self._start, shown.release_time, 1.0 / RATE)
+        seen, way = (
+            np.column_stack([np.interp(clock, time, column) for column in path[:, :3].T])
+            for time, path in ((shown.time, shown.motion), (course.time, course.position))
+        )
+        return ways_apart(seen, way)
 
     def _predicts(self, i: int, weights: np.ndarray) -> float:
         """How well a model learned with weights predicts where demonstration i landed: minus the

@@ -25,6 +25,7 @@ from dart_skill.skills.observation._sensor_log import RESET_NS as RESET_NS
 from dart_skill.skills.observation._sensor_log import SensorLog as SensorLog
 from dart_skill.skills.observation._sensor_log import Stream as Stream
 from dart_skill.skills.observation._sightings import sightings as sightings
+from dart_skill.skills.observation._slowing import Slowing as Slowing
 from dart_skill.skills.observation._throw_finder import MEMORY_NS as MEMORY_NS
 from dart_skill.skills.observation._throw_finder import FoundThrow as FoundThrow
 from dart_skill.skills.observation._throw_finder import ThrowFinder as ThrowFinder

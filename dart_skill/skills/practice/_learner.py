@@ -10,12 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.arm import KnownRegistration, MotionPlan
+from dart_skill.arm import KnownRegistration, MotionPlan, stretched, wam_description
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.situation import Situation
 from dart_skill.mixture import GaussianMixture
 from dart_skill.recording import Demonstration
-from dart_skill.skills.learning import choose_components, usable
+from dart_skill.skills.learning import (
+    NoPlan,
+    choose_components,
+    strain,
+    strained,
+    strained_in_words,
+    usable,
+)
 from dart_skill.skills.practice._memory import PracticeSettings
 from dart_skill.skills.practice._practice import Learned, Planned, Practice, Standing
 from dart_skill.skills.protocol import Skill, check_way, model_type, part_of
@@ -97,6 +104,7 @@ class Learner:
         self._practice = part_of(self.skill, "practice")
         self._memory = PracticeSettings(p["practice_capacity"], p["practice_forget"])
         self.practice: Practice | None = None
+        self._strained: dict[str, str] = {}
 
     @property
     def angles(self) -> int:
@@ -140,7 +148,13 @@ class Learner:
             Says why nothing can.
         """
         skill, _ = changed_skill(self.skill, self._parameters(), configuration)
-        return model_type(skill).prepared(skill, one).in_words
+        words = model_type(skill).prepared(skill, one).in_words
+        limit = self.strain(one)
+        return f"{words}; {limit}" if limit else words
+
+    def strain(self, one: Demonstration) -> str:
+        """Limits that the arm came to while a demonstration was shown, in words; empty if none."""
+        return strain(self.skill, one)
 
     def learn(self, demonstrations: Sequence[Demonstration], configuration: str = "") -> Lesson:
         """Learn.
@@ -165,11 +179,25 @@ class Learner:
         said = f"learned '{skill.name}' from {len(ids)} demonstrations"
         said += changes and f" with {changes}"
         left_out = {**left_out, **self._learned.left_out}
-        return Lesson(ids, self._learned.model.model_id, said, self._learned.facts, left_out)
+        self._strained = strained(self.skill, kept)
+        facts = (*self._learned.facts, *filter(None, [strained_in_words(self._strained)]))
+        return Lesson(ids, self._learned.model.model_id, said, facts, left_out)
 
     def plan(self, asked: Situation, explore: bool = False) -> Planned:
-        """See `Practice.plan`."""
-        return self._learned.plan(asked, explore)
+        """See `Practice.plan`; NoPlan names demonstrations for which the arm cannot follow it."""
+        planned = self._learned.plan(asked, explore)
+        if self._strained and isinstance(planned.plan, MotionPlan):
+            self._check_bent(planned.plan)
+        return planned
+
+    def _check_bent(self, plan: MotionPlan) -> None:
+        """NoPlan for a plan that stretches the arm, as some of what was shown did."""
+        if why := stretched(plan.as_the_arm_has_it(), wam_description()):
+            names = ", ".join(self._strained)
+            raise NoPlan(
+                f"{why}: drop what was shown at a limit of the arm ({names}), learn again, and show"
+                " it with a bent elbow"
+            )
 
     def tell(self, trial: Demonstration, plan: MotionPlan | None = None) -> Learned:
         """See `Practice.tell`."""
@@ -182,6 +210,7 @@ class Learner:
     def load(self, path: str | Path) -> str:
         """Take the model of a file; its digest."""
         self.practice = self._practice.load(path, self.skill, self._memory)
+        self._strained = {}
         return self._learned.model.model_id
 
     def mixtures(self) -> tuple[dict[str, GaussianMixture], np.ndarray]:

@@ -216,9 +216,17 @@ class Practice(Part):
 
     def standings(self) -> dict[str, Standing]:
         """How each demonstration that is learned from counts, by its id."""
-        movements, distances = self._model.movements, unlike(self._model)
-        each = zip(movements, distances, outliers(distances), strict=True)
-        return {one.id: Standing(1.0, float(distance), bool(far)) for one, distance, far in each}
+        model = self.model
+        distances = unlike(model)
+        each = zip(model.ids, self._weights(), distances, outliers(distances), strict=True)
+        return {
+            name: Standing(float(weight), float(distance), bool(far))
+            for name, weight, distance, far in each
+        }
+
+    def _weights(self) -> np.ndarray:
+        """Weight of each demonstration in the model (n,)."""
+        return np.ones(len(self.model.ids))
 
     def values(self) -> dict[str, Any]:
         """For the diagnostics."""

@@ -25,6 +25,7 @@ from dart_skill.skills.learning import (
     ThrowSettings,
     prepare,
 )
+from dart_skill.skills.observation import Slowing
 from dart_skill.skills.practice._correction import (
     Correction,
     CorrectionSettings,
@@ -167,6 +168,7 @@ class PractisingSkill:
         )
         self.steadiness = Steadiness(self._game)
         self.release_shift = 0.0
+        self._flown: list[Slowing] = []
         self._steady_every = steady_every
         self._steadied: _Steadied | None = None
         self._n_told = 0
@@ -210,6 +212,7 @@ class PractisingSkill:
             )
         except ValueError as error:
             return TrialLesson(False, str(error))
+        self._flown.append(seen.slowing)
         delay = self._delay_of(seen)
         spread = USUAL_DELAY_SPREAD if self.hand is None else self.hand.spread
         late = likely_late(
@@ -236,6 +239,16 @@ class PractisingSkill:
         # The plan was meant for another place if it was corrected.
         left = self._game.surface.seen_from(plan.thrown.target, place, miss - share * explained)
         return TrialLesson(verdict.kept, verdict.reason, left, verdict.forgotten)
+
+    @property
+    def ball_in_words(self) -> str:
+        """What the own throws say against the mass of the ball; empty if nothing."""
+        return self.skill.ball_in_words(self._flown)
+
+    @property
+    def ball_news(self) -> str:
+        """The same, if the last throw was the first to tell it."""
+        return "" if self.skill.ball_in_words(self._flown[:-1]) else self.ball_in_words
 
     @property
     def practised(self) -> int:

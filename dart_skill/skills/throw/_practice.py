@@ -18,7 +18,6 @@ from dart_skill.skills.practice import (
     Practice,
     PracticeSettings,
     PractisingSkill,
-    Standing,
     practised_skill,
     save_practised,
 )
@@ -78,8 +77,9 @@ class ThrowPractice(Practice):
     def tell(self, trial: Demonstration, plan: MotionPlan | None = None) -> Learned:
         told = self.practising.tell(plan, trial)
         forgotten = f"forgotten: {', '.join(told.forgotten)}" if told.forgotten else ""
+        said = [told.reason or forgotten, self.practising.ball_news]
         n = len(self.practising.practice.demonstrations)
-        return Learned(told.kept, told.reason or forgotten, n, list(told.left))
+        return Learned(told.kept, "; ".join(filter(None, said)), n, list(told.left))
 
     def save(self, path: str | Path) -> str:
         save_practised(path, self.practising)
@@ -114,9 +114,8 @@ class ThrowPractice(Practice):
         each = {f"frame_{k}": one for k, one in enumerate(frames, start=1) if len(frames) > 1}
         return {"components": model.mixture(centre), **each}, tasks
 
-    def standings(self) -> dict[str, Standing]:
-        each = zip(self.model.throws, self.model.credence, strict=True)
-        return {throw.id: Standing(float(weight)) for throw, weight in each}
+    def _weights(self) -> np.ndarray:
+        return self.model.credence
 
     def values(self) -> dict[str, Any]:
         done = self.practising
@@ -127,6 +126,7 @@ class ThrowPractice(Practice):
             "practice_method": done.method,
             "model_id": done.skill.model_id,
             "posture_id": done.skill.posture_id,
+            **({"ball": done.ball_in_words} if done.ball_in_words else {}),
         }
 
 

@@ -12,7 +12,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from dart_skill.arm.check import Endpoint, Heard, HeardJoints, HeardPoses
-from dart_skill.common.world import joint_order
+from dart_skill.common.world import ROLES, joint_order
 from dart_skill_nodes.client.playing import NO_DRIVERS
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.joint_states import OfTheArm
@@ -23,11 +23,13 @@ from dart_skill_nodes.comms.raw_batches import RawBatches, RawMessage
 class ArmListener:
     """Everything that is heard of an arm from now on. `take` must be called often, and the node
     must be spun.
+
+    roles: of the tracked bodies that are heard.
     """
 
-    def __init__(self, node: Node):
+    def __init__(self, node: Node, roles: Iterable[str] = ROLES):
         self._node, self._batches = node, RawBatches(node)
-        self._topics, self._of_the_arm = pose_topics(), OfTheArm()
+        self._topics, self._of_the_arm = pose_topics(roles), OfTheArm()
         self._messages: dict[str, list[RawMessage]] = {
             name: [] for name in (JOINT_STATES, CLOCK, *self._topics.values())
         }

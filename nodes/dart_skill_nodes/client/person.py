@@ -48,6 +48,8 @@ HELD, MOVES, RELEASED = Mode.HOLDING.value, Mode.MOVING.value, Mode.FREE.value
 """What the commander says of an arm that it holds, of one on its way to a posture, and of one that
 a person may guide.
 """
+UNDER_WAY = tuple(mode.value for mode in Mode if mode not in (Mode.HOLDING, Mode.FREE))
+"""What the commander says of an arm that comes to rest by itself."""
 
 
 class PersonAtTheArm:
@@ -247,6 +249,11 @@ class PersonAtTheArm:
         if not self._heard:
             raise ValueError("nothing has come on /joint_states: is the arm's driver running?")
         state = self._state()
+        if self._mode in UNDER_WAY:
+            raise ValueError(
+                f"the arm is still on its way, the commander says '{self._mode}': wait until it"
+                " rests"
+            )
         if self._mode != HELD:
             said = f"'{self._mode}'" if self._mode else "nothing yet"
             raise ValueError(

@@ -3,6 +3,7 @@ it is started in, so that several arms share a ROS domain. Global as everywhere 
 /diagnostics, /tf and /tf_static only.
 """
 
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from dart_skill.common import world
@@ -30,11 +31,9 @@ def pose_topic(body: str) -> str:
     return world.pose_topic(body).removeprefix("/")
 
 
-def pose_topics() -> dict[str, str]:
-    """Topic of the poses of each role in a throw."""
-    return {
-        role: topic.removeprefix("/") for role, topic in world.the_world().pose_topics().items()
-    }
+def pose_topics(roles: Iterable[str] = world.ROLES) -> dict[str, str]:
+    """Topic of the poses of each role, default those of a throw."""
+    return {role: pose_topic(world.the_world().body(role)) for role in roles}
 
 
 def namespace_of(node: "Node") -> str:
@@ -47,6 +46,29 @@ def full_name(node: "Node", name: str) -> str:
     the node.
     """
     return name if name.startswith("/") else f"{namespace_of(node)}/{name}"
+
+
+def remapped(topics: Iterable[str], given: Mapping[str, str]) -> dict[str, str]:
+    """What topics are called instead, by name: a name that is given stands for itself, and for all
+    topics that begin with it.
+
+    * topics: relative names of a graph.
+    * given: new name by old name, with or without the first slash.
+
+    Raises
+    ------
+    ValueError
+        Names one that stands for none of the topics.
+    """
+    found, topics = {}, list(topics)
+    for old, new in given.items():
+        begin = old.strip("/")
+        meant = [name for name in topics if name == begin or name.startswith(f"{begin}/")]
+        if not meant:
+            known = ", ".join(f"/{name}" for name in topics)
+            raise ValueError(f"{old}:={new}: there is no such topic, only {known}")
+        found.update({name: new.rstrip("/") + name.removeprefix(begin) for name in meant})
+    return found
 
 
 def in_namespace(namespace: str) -> list[str]:

@@ -172,8 +172,8 @@ class DemonstrationRecorder(BagKeeper):
             raise ValueError(f"{NOT_RECORDED}: {self._bag.failure}")
         if request.keep:
             up_to_ns = self.observer.up_to_ns
-            response.message = self._keep(one, response.demonstration, up_to_ns)
-            response.readable = not response.message
+            why = self._keep(one, response.demonstration, up_to_ns)
+            response.readable, response.message = not why, why or self._strain(one)
 
     def _on_judge(self, request, response):
         self._check_configured()
@@ -207,6 +207,11 @@ class DemonstrationRecorder(BagKeeper):
             self.get_logger().warning(f"kept, but it cannot be learned from: {error}")
             return f"kept, but it cannot be learned from: {error}; show it again"
         return ""
+
+    def _strain(self, one: Demonstration) -> str:
+        """What is to be said of a demonstration that came to a limit of the arm."""
+        strain = self._learner.strain(one)
+        return f"kept, but {strain}; better drop {one.id}, and show it again" if strain else ""
 
     def _on_mark(self, mark: DemonstrationMark) -> None:
         """A demonstration was dropped or restored: that goes into the bag, and a learner that is

@@ -5,7 +5,7 @@ import gc
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -129,12 +129,16 @@ def spin_until(executor: Executor, is_over: Callable[[], bool]) -> None:
 
 @contextmanager
 def node_of_command(
-    name: str, namespace: str = ""
+    name: str, namespace: str = "", remappings: Mapping[str, str] | None = None
 ) -> Iterator[tuple[Node, Callable[[float], None]]]:
     """A node of a command, and a function that lets messages come in for a while [s]; both end with
     the context. The command ends at its own interrupts (`Interrupts`), not at those of rclpy.
+
+    remappings: what topics are called instead, by name.
     """
-    rclpy.init(args=in_namespace(namespace), signal_handler_options=SignalHandlerOptions.NO)
+    rules = [part for old, new in (remappings or {}).items() for part in ("-r", f"{old}:={new}")]
+    args = in_namespace(namespace) + (["--ros-args", *rules] if rules else [])
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node, executor = rclpy.create_node(name), make_executor()
         executor.add_node(node)

@@ -6,17 +6,19 @@ import argparse
 import json
 import math
 import select
+import shutil
 import sys
 import time
-from collections.abc import Callable
-from dataclasses import asdict
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dart_skill.cli.run_options import add_namespace
+from dart_skill.cli.run_options import add_namespace, chosen_skill, remapping
+from dart_skill.common.world import the_world
+from dart_skill_nodes.comms.names import CLOCK, COMMANDS, JOINT_STATES, pose_topics, remapped
 from dart_skill_nodes.process.environment import Interrupts, stay_on_this_machine
 from dart_skill_nodes.verbs.on_graph import say
-from dart_skill_nodes.verbs.status import table
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,12 +31,8 @@ PATIENCE = 10.0
 """For joint states, which a simulation that is paused does not give [s]."""
 TAKE = 0.02
 """Messages are taken so often [s]."""
-WIDEST = 64
-"""Greatest width of a column of the table [letters]."""
-NEXT = (
-    "next: ros2 service call /commander/release_arm std_srvs/srv/SetBool '{data: true}', and teach"
-    " (docs/hardware.md)"
-)
+NEXT = "next: dart-skill teach --count 5 (docs/hardware.md)"
+MEND = "next: mend what says NO-GO, and check again: dart-skill check arm"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,6 +41,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Listens to the arm and its cameras, and moves nothing. Meanwhile lead the released arm"
         " slowly through postures, each with the hand turned otherwise. Exit status 0 if no line"
         " says NO-GO, else 1."
+    )
+    parser.add_argument(
+        "--skill",
+        metavar="NAME",
+        help="whose bodies the cameras must see (default: that of config/world.yaml)",
     )
     parser.add_argument(
         "--postures",
@@ -62,6 +65,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="write the registration of cameras and arm, for registration_file",
     )
+    parser.add_argument(
+        "--remap",
+        nargs="+",
+        type=remapping,
+        default=[],
+        metavar="OLD:=NEW",
+        help="a topic, or all that begin so, have another name: /vrpn_mocap:=/mocap",
+    )
     add_namespace(parser)
     parser.add_argument("--json", action="store_true", help="the lines as JSON")
 
@@ -72,8 +83,12 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     stay_on_this_machine()
     from dart_skill.arm import save_registration
     from dart_skill.arm.check import check_arm
+    from dart_skill.recording import HAND
 
-    report = check_arm(listen(options))
+    skill = chosen_skill(parser, options.skill or the_world().skill)
+    remappings = _remappings(options, parser, (HAND, *skill.bodies))
+    heard = listen(options, (HAND, *skill.bodies), remappings)
+    report = check_arm(replace(heard, in_hand=skill.in_hand))
     written = options.write is not None and report.registration is not None
     if written:
         save_registration(options.write, report.registration)
@@ -104,14 +119,27 @@ def _refuse_what_cannot_be(options: argparse.Namespace, parser: argparse.Argumen
         )
 
 
-def listen(options: argparse.Namespace) -> "Heard":
-    """Everything that was heard until the options say that it is enough, or Ctrl-C."""
+def _remappings(
+    options: argparse.Namespace, parser: argparse.ArgumentParser, roles: Iterable[str]
+) -> dict[str, str]:
+    """What topics are called instead, by name; a usage error names what is none."""
+    topics = (JOINT_STATES, COMMANDS, CLOCK, *pose_topics(roles).values())
+    try:
+        return remapped(topics, dict(one.split("=", 1) for one in options.remap))
+    except ValueError as error:
+        parser.error(f"--remap {error}")
+
+
+def listen(
+    options: argparse.Namespace, roles: Iterable[str], remappings: Mapping[str, str]
+) -> "Heard":
+    """Everything that was heard of joints and bodies until the options say that it is enough, or Ctrl-C."""
     interrupts = Interrupts()  # before the imports, in which an interrupt may get lost
     from dart_skill_nodes.client.arm_listener import ArmListener
     from dart_skill_nodes.process.node_base import node_of_command
 
-    with node_of_command("arm_check", options.namespace) as (node, spin):
-        listener = ArmListener(node)
+    with node_of_command("arm_check", options.namespace, remappings) as (node, spin):
+        listener = ArmListener(node, roles)
         _listen(options, listener, interrupts, lambda: spin(TAKE))
         heard = listener.heard()
         listener.close()
@@ -200,22 +228,10 @@ def _as_json(report: "ArmReport", written: Path | None) -> str:
 
 
 def _as_text(report: "ArmReport", written: Path | None) -> str:
-    rows = [(one.verdict.value, one.check, one.measured, one.asked) for one in report.lines]
-    head, *lines = table(("", "check", "measured", "asked"), rows, WIDEST)
-    told, indent = [head], " " * (max(len(row[0]) for row in rows) + 6)
-    for text, one in zip(lines, report.lines, strict=True):
-        told += [text, *([indent + one.remedy] if one.remedy else [])]
-    counts = {
-        verdict: sum(row[0] == verdict for row in rows) for verdict in ("GO", "WARN", "NO-GO")
-    }
-    told.append(", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count))
+    from dart_skill.arm.check import as_text
+
+    told = [as_text(report, shutil.get_terminal_size().columns)]
     if written:
-        told.append(
-            f"registration: {written}; give it to skill_learner and commander as registration_file"
-        )
-    told.append(
-        NEXT
-        if report.is_go
-        else "next: mend what says NO-GO, and check again: dart-skill check arm"
-    )
-    return "\n".join(told)
+        told.append(f"registration: {written}")
+        told.append("give it to skill_learner and commander as registration_file")
+    return "\n".join([*told, NEXT if report.is_go else MEND])

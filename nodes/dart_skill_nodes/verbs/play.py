@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from dart_skill.cli.run_options import add_namespace
+from dart_skill.cli.run_options import add_namespace, remapping
 from dart_skill_nodes.comms.names import in_namespace
 from dart_skill_nodes.process.environment import stay_on_this_machine
 from dart_skill_nodes.verbs.on_graph import say
@@ -75,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--remap",
         nargs="+",
-        type=_remapping,
+        type=remapping,
         metavar="OLD:=NEW",
         help="publish a topic under another name",
     )
@@ -125,13 +125,6 @@ def _number(name: str, low: float, high: float) -> Callable[[str], float]:
 
     number.__name__ = f"{name} value"
     return number
-
-
-def _remapping(text: str) -> str:
-    old, _, new = text.partition(":=")
-    if not (old and new):
-        raise argparse.ArgumentTypeError(f"'{text}': write it as /old:=/new")
-    return f"{old}={new}"
 
 
 def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:

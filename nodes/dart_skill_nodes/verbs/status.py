@@ -211,14 +211,10 @@ def _problems(report: GraphReport) -> str:
     return "\n".join(f"wrong: {problem}" for problem in report.problems) or "nothing is wrong"
 
 
-def table(
-    head: tuple[str, ...], rows: Iterable[tuple[str, ...]], widest: float = math.inf
-) -> list[str]:
-    """Lines of a table, whose columns are as wide as what stands in them, but no wider than
-    `widest` [letters].
-    """
+def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> list[str]:
+    """Lines of a table, whose columns are as wide as what stands in them."""
     lines = [head, *rows]
-    widths = [min(widest, max(map(len, column))) for column in zip(*lines, strict=True)]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return [
         "  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
         for line in lines

@@ -294,6 +294,25 @@ def test_log_time_that_jumps_back_is_told_and_a_small_disorder_is_not(tmp_path):
     )
 
 
+def test_publishers_with_delays_of_their_own_have_set_no_clock(tmp_path):
+    """Of an arm whose driver lags it was said 1825 times that a clock was set, or that a
+    simulation began anew. One step of a second among them is told as what it is.
+    """
+    first = times(30.0)
+    pairs = [(stamp, int(stamp) - late) for stamp in first for late in (0, 300_000_000)]
+    late = [(0, stamp, POSE_CDR) for _, stamp in pairs]
+    (found,) = check_file(mcap_file(tmp_path / "a.mcap", [("/p", POSE)], late))
+    assert found.severity == "note" and found.place == "topic /p"
+    assert (
+        f"{len(first)} of {len(late)} messages stand after later ones, by up to 0.300000 s, first"
+        f" at {first[0]} ns: readers sort them" in found.message
+    )
+    assert "several publishers" in found.remedy and "no clock was set" in found.remedy
+    anew = [*late, *((0, stamp + 28 * SECOND, POSE_CDR) for _, stamp in pairs)]
+    (found,) = said(check_file(mcap_file(tmp_path / "a.mcap", [("/p", POSE)], anew)), "warning")
+    assert "log time jumps back" in found and "a clock was set" in found
+
+
 def test_a_jump_from_one_file_to_the_next_is_told_once(tmp_path):
     path, first = tmp_path / "bag", times(3.0)
     path.mkdir()

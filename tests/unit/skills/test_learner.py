@@ -8,7 +8,16 @@ import pytest
 from dart_skill.common.configuration import load_yaml
 from dart_skill.recording import read_demonstrations
 from dart_skill.skills.darts import Darts
-from dart_skill.skills.learning import CONFIGURATIONS, _preparation, save_model
+from dart_skill.skills.learning import (
+    CONFIGURATIONS,
+    _preparation,
+    configuration,
+    learn_prepared,
+    outliers,
+    prepare,
+    save_model,
+    unlike,
+)
 from dart_skill.skills.practice import Learner, changed_skill
 from dart_skill.skills.protocol import load_skill
 from tests.paths import BAGS
@@ -50,6 +59,38 @@ def test_one_that_cannot_be_learned_from_is_left_to_the_lesson(throws):
     throws.expect(blind)
     lesson = throws.learn([*shown, blind], "")
     assert len(lesson.learned_from) == 3 and "blind" in lesson.left_out["blind"]
+
+
+def bulged(throw, size):
+    """The same throw on a way that lies up to so far aside [m] before the ball leaves the hand."""
+    time, motion = throw.time, throw.motion.copy()
+    share = (time - throw.start) / (throw.release_time - throw.start)
+    aside = np.array([-np.sin(throw.azimuth), np.cos(throw.azimuth), 0.0])
+    motion[:, :3] += size * aside * np.sin(np.pi * share.clip(0.0, 1.0))[:, None] ** 2
+    return replace(throw, motion=motion)
+
+
+@pytest.mark.parametrize("name", ["default", "cross_validated", "autonomous"])
+def test_a_throw_that_goes_another_way_than_the_others_is_an_outlier(name):
+    """What throws differ in was never worked out: the comparison said what the list says without
+    it.
+    """
+    settings = configuration(name)
+    shown = [prepare(one, settings) for one in read_demonstrations(BAGS / "demonstrations")]
+    alike = unlike(learn_prepared(shown, settings))
+    assert np.isfinite(alike).all() and not outliers(alike).any(), alike
+    odd = unlike(learn_prepared([*shown[:5], bulged(shown[5], 0.15), *shown[6:]], settings))
+    assert np.flatnonzero(outliers(odd)).tolist() == [5] and 0.06 < odd[5] < 0.11, odd
+
+
+def test_the_standing_of_throws_has_their_distance_from_the_others(throws):
+    shown = read_demonstrations(BAGS / "demonstrations")[:4]
+    throws.learn(shown)
+    standings = throws.standings()
+    assert list(standings) == [one.id for one in shown]
+    assert all(0.0 < one.unlike < 0.1 and one.weight > 0.0 for one in standings.values())
+    throws.learn(shown[:2])
+    assert all(np.isnan(one.unlike) for one in throws.standings().values()), "too few to compare"
 
 
 @pytest.mark.parametrize("name", ["start_speed", "stop_speed"])

@@ -19,6 +19,7 @@ QUIET = {
     "fastest_hand": 1.0,
     "farthest_error": 0.1,
     "joint_margin": 0.02,
+    "joint_overrun": 0.05,
     "longest_gap": 0.1,
 }
 """Limits for first throws."""

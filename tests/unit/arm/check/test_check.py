@@ -10,7 +10,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import Registration
-from dart_skill.arm.check import Endpoint, Grade, Heard, HeardJoints, HeardPoses, PostureCounter
+from dart_skill.arm.check import (
+    Endpoint,
+    Grade,
+    Heard,
+    HeardJoints,
+    HeardPoses,
+    PostureCounter,
+    as_text,
+)
 from tests.unit.arm.check.heard import (
     BEGIN_NS,
     NAMES,
@@ -77,21 +85,32 @@ NO_BALL, NO_HAND = HeardPoses("/vrpn_mocap/ball/pose"), HeardPoses("/vrpn_mocap/
 BIASED = J.position + np.array([0.0, 0.0, 0.0, 0.15, 0.0, 0.0, 0.0])
 
 FAULTS = {
-    "nobody publishes": ("/joint_states: publisher", joints(publishers=()), "none", "start the arm's driver"),
+    "nobody publishes": (
+        "/joint_states",
+        replace(GOOD, joints=HeardJoints("/joint_states")),
+        "nobody publishes it",
+        "start the arm's driver",
+    ),
+    "a driver that has ended": ("/joint_states: publisher", joints(publishers=()), "none", "look at its driver"),
     "two publish": (
         "/joint_states: publisher",
         joints(publishers=(Endpoint("wam_driver"), Endpoint("wam_simulator"))),
         "wam_driver, wam_simulator",
         "end all but one",
     ),
-    "slow joints": ("/joint_states: rate", joints(stamp_ns=BEGIN_NS + 4_000_000 * np.arange(len(J))), "250.0 Hz", "rate"),
+    "slow joints": ("/joint_states: rate", joints(stamp_ns=BEGIN_NS + 8_000_000 * np.arange(len(J))), "125.0 Hz", "rate"),
     "a gap": (
         "/joint_states: rate",
         joints(stamp_ns=J.stamp_ns + np.where(np.arange(len(J)) > 3000, 200_000_000, 0)),
         "longest gap 202 ms",
         "load",
     ),
-    "no joint states": ("/joint_states: rate", replace(GOOD, joints=HeardJoints("/joint_states")), "0 messages", "driver"),
+    "no joint states": (
+        "/joint_states",
+        replace(GOOD, joints=HeardJoints("/joint_states", (Endpoint("wam_driver"),))),
+        "no message, though wam_driver publishes it",
+        "look at the arm's driver",
+    ),
     "zero stamps": ("/joint_states: stamps", joints(stamp_ns=np.zeros(len(J), dtype=np.int64)), "are zero", "must stamp"),
     "stamps that go back": (
         "/joint_states: stamps",
@@ -119,8 +138,13 @@ FAULTS = {
     "millimetres": ("/vrpn_mocap/hand/pose: frame", pose(position=1e3 * H.position), "m from the origin", "metres"),
     "quaternions of no length": ("/vrpn_mocap/hand/pose: frame", pose(quaternion=1.1 * H.quaternion), "off by 0.100", "x, y, z, w"),
     "nan poses": ("/vrpn_mocap/hand/pose: frame", pose(position=np.full_like(H.position, np.nan)), "not finite", "metres"),
-    "silent camera": ("/vrpn_mocap/ball/pose: rate", pose("ball", **vars(NO_BALL)), "0 messages", "nothing comes"),
-    "a body that is never seen": ("ball: seen", pose("ball", **vars(NO_BALL)), "never", "markers"),
+    "silent camera": (
+        "/vrpn_mocap/ball/pose",
+        pose("ball", **{**vars(NO_BALL), "publishers": H.publishers}),
+        "no message, though vrpn_mocap publishes it",
+        "markers",
+    ),
+    "a body that is never seen": ("/vrpn_mocap/ball/pose", pose("ball", **vars(NO_BALL)), "nobody publishes it", "--remap"),
     "two time bases": ("time base", pose(received_ns=H.stamp_ns + 400_000_000), "399.0 ms", "chrony"),
     "two commanders": ("/wam/command", replace(GOOD, commanders=(Endpoint("a"), Endpoint("b"))), "from a, b", "end all but one of a, b"),
     "zeros of joints": ("hand against kinematics", joints(position=BIASED), "postures", "zero of a joint"),
@@ -201,6 +225,22 @@ def test_what_can_be_borne_is_a_warning_and_go():
     )
 
 
+def test_what_was_tried_and_worked_is_no_reason_to_move_nothing():
+    """The project's own home posture has j2 at its end, where encoders say -2.00 and a little more,
+    and 250 states a second were enough: both were NO-GO.
+    """
+    home, slow = J.position.copy(), BEGIN_NS + 4_000_000 * np.arange(len(J))
+    home[:, 1] += -2.003 - home[:, 1].min()
+    lines, _ = table(joints(position=home))
+    assert lines["joint positions"].verdict is Grade.WARN
+    assert lines["joint positions"].measured == "beyond its end: wam_j2, by 0.003 rad"
+    farther, _ = table(joints(position=home - [0, 0.06, 0, 0, 0, 0, 0]))
+    assert farther["joint positions"].verdict is Grade.NO_GO
+    lines, _ = table(joints(stamp_ns=slow))
+    rate = lines["/joint_states: rate"]
+    assert (rate.verdict, rate.measured[:8]) == (Grade.WARN, "250.0 Hz"), rate
+
+
 def test_postures_about_one_axis_do_not_suffice_and_it_is_said_of_what():
     one = led_about_j1_only()
     lines, report = table(one)
@@ -229,6 +269,37 @@ def test_nothing_at_all_is_no_go_and_no_exception():
     lines, report = table(Heard(False, HeardJoints("/joint_states"), silent))
     assert not report.is_go and report.registration is None
     assert all(math.isfinite(len(one.measured)) and one.measured for one in lines.values())
+
+
+def test_a_body_that_is_missing_is_said_in_one_line():
+    """It was seven lines of NO-GO: publisher, QoS, rate, stamps, frame, seen, noise."""
+    _, report = table(pose("ball", **vars(NO_BALL)))
+    (missing,) = [one for one in report.lines if one.verdict is not Grade.GO]
+    assert missing.check == "/vrpn_mocap/ball/pose" and "config/world.yaml" in missing.remedy
+    _, silent = table(replace(GOOD, joints=HeardJoints("/joint_states")))
+    assert sum("joint" in one.check for one in silent.lines if one.verdict is Grade.NO_GO) == 1
+
+
+@pytest.mark.parametrize("held", ["ball", ""])
+def test_what_belongs_into_the_hand_is_asked_for_by_its_name(held):
+    """It was the ball of every skill."""
+    lines, _ = table(replace(pose("ball", **vars(kept(GOOD.poses["ball"], UNSEEN))), in_hand=held))
+    assert ("put the ball into the hand" in lines["ball: seen"].remedy) == bool(held)
+
+
+@pytest.mark.parametrize("width", [80, 100, 300])
+def test_the_table_is_no_wider_than_a_terminal(width):
+    _, report = table(with_pose(pose(frames=("map", "world")), "ball", **vars(NO_BALL)))
+    text = as_text(report, width)
+    assert max(map(len, text.splitlines())) <= min(width, 120)
+    (frame,) = [one for one in report.lines if one.check.endswith("hand/pose: frame")]
+    (row,) = [one for one in text.splitlines() if frame.check in one]
+    assert row.startswith("NO-GO  /vrpn_mocap/hand/pose: frame") and frame.measured in row
+    words = text.split()
+    for one in report.lines:
+        told = [*one.measured.split(), *f"(asked: {one.asked})".split(), *one.remedy.split()]
+        assert any(words[k : k + len(told)] == told for k in range(len(words))), one
+    assert text.endswith("33 GO, 2 NO-GO")
 
 
 def test_in_a_simulation_ages_are_of_its_own_clock():
