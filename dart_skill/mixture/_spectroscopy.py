@@ -5,6 +5,10 @@ clustering, Annals of Statistics 37, 2009. Each group has an eigenfunction of th
 that does not change its sign. A weight is a number of copies of a point. Then the kernel is
 sqrt(w_i) k(x_i, x_j) sqrt(w_j), and an eigenvector v of it belongs to the eigenfunction v /
 sqrt(w). Signs and labels are taken from the eigenfunction.
+
+An eigenvector of a tiny eigenvalue says nothing about groups: it belongs to a few points that
+weigh next to nothing, and is close to zero everywhere else, where round-off and the threshold
+decide on its sign. Therefore only eigenvectors above a share of the largest eigenvalue count.
 """
 
 from __future__ import annotations
@@ -55,7 +59,7 @@ def data_spectroscopy(
     weights: ArrayLike | None = None,
     *,
     bandwidth: float | None = None,
-    core: float = 0.99,
+    least: float = 0.01,
     tolerance: float | None = None,
     counts: bool = False,
     reading: str = "copies",
@@ -69,13 +73,14 @@ def data_spectroscopy(
     ----------
     bandwidth
         Float, omega of (5.13) in the units of the points; default None: `automatic_bandwidth`.
-    core
-        Float in (0, 1], default 0.99, and tolerance: float. Let s be the value that |f| does not
-        exceed on the share `core` of all weight, and t = tolerance s. An eigenfunction f does not
-        change its sign if f > -t on at least the share `core` of all weight, or f < t on it. The
-        authors have core = 1. Then single points of little weight are groups; 0.99 leaves them
-        out. tolerance = None is the authors' 1 / n, with n points. For figure 5.5 it does with
-        reading="printed"; with "copies" the figure needs 0.1.
+    least
+        Float in [0, 1), default 0.01. Eigenvectors count whose eigenvalue is above this share of
+        the largest one. The authors have 0, all of them: then single points of little weight are
+        groups. Between 0.001 and 0.1 the share hardly matters.
+    tolerance
+        Float t. An eigenfunction f does not change its sign if f > -t max |f| at all points of
+        weight, or f < t max |f|. Default None: the authors' 1 / n, with n points. For figure 5.5
+        it does with reading="printed"; with "copies" the figure needs 0.1.
     counts
         Bool, default False. True: the weights are numbers of copies, so that n counts copies, and
         the result is that of the copied points.
@@ -87,7 +92,7 @@ def data_spectroscopy(
     Raises
     ------
     ValueError
-        For a reading that there is not, or a core above 1.
+        For a reading that there is not, or if no eigenvalue can count.
     """
     points = as_learnable(points, "points")
     weights = as_weights(weights, len(points))
@@ -101,12 +106,15 @@ def data_spectroscopy(
     )
     if tolerance is None:
         tolerance = 1.0 / float(weights.sum() if counts else np.count_nonzero(weights))
-    tolerance, core = as_number(tolerance, "tolerance", strict=False), as_number(core, "core")
-    if core > 1:
-        raise ValueError(f"core must be at most 1, all weight, got {core:g}")
+    tolerance, least = (
+        as_number(tolerance, "tolerance", strict=False),
+        as_number(least, "least", strict=False),
+    )
+    if least >= 1:
+        raise ValueError(f"least must be below 1, the largest eigenvalue, got {least:g}")
     kernel = np.exp(-0.5 * np.square(distances / bandwidth))
-    values, functions = _eigenfunctions(kernel, weights / weights.max(), reading)
-    kept = _keep_their_sign(functions, weights, core, tolerance)
+    values, functions = _eigenfunctions(kernel, weights / weights.max(), reading, least)
+    kept = _keep_their_sign(functions[weights > 0], tolerance)
     # the first has no change of sign, unless equal eigenvalues mix several eigenfunctions
     kept[0] |= not kept.any()
     functions = functions[:, kept]
@@ -154,16 +162,16 @@ def _distances(points: np.ndarray) -> np.ndarray:
 
 
 def _eigenfunctions(
-    kernel: np.ndarray, weights: np.ndarray, reading: str
+    kernel: np.ndarray, weights: np.ndarray, reading: str, least: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues (m,), the largest first, and eigenfunctions (n, m), positive where their
-    magnitude is largest.
+    """Eigenvalues (m,) that count, the largest first, and eigenfunctions (n, m), positive where
+    their magnitude is largest.
     """
     root = np.sqrt(weights) if reading == "copies" else weights
     values, vectors = np.linalg.eigh(root[:, None] * kernel * root)
     values, vectors = values[::-1], vectors[:, ::-1]
-    certain = values > len(values) * np.finfo(float).eps * values[0]
-    values, functions = values[certain], vectors[:, certain]
+    counted = values > max(least, len(values) * np.finfo(float).eps) * values[0]
+    values, functions = values[counted], vectors[:, counted]
     if reading == "copies":
         # v / sqrt(w) without the division, which fails for small weights: the kernel gives an
         # eigenfunction at any point.
@@ -173,12 +181,7 @@ def _eigenfunctions(
     return values, functions * signs
 
 
-def _keep_their_sign(
-    functions: np.ndarray, weights: np.ndarray, core: float, tolerance: float
-) -> np.ndarray:
+def _keep_their_sign(functions: np.ndarray, tolerance: float) -> np.ndarray:
     """Which (m,) of the functions (n, m) do not change their sign, within the tolerance."""
-    limits = tolerance * _quantiles(np.abs(functions).T, weights, core)
-    strays = (1.0 - core + EXACT) * weights.sum()
-    return (limits > 0) & (
-        np.minimum(weights @ (functions < -limits), weights @ (functions > limits)) <= strays
-    )
+    limits = tolerance * np.abs(functions).max(axis=0)
+    return (functions > -limits).all(axis=0) | (functions < limits).all(axis=0)

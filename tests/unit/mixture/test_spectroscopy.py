@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from dart_skill.experiments import thesis
+from dart_skill.experiments.thesis import chapter_5
 from dart_skill.mixture import automatic_bandwidth, data_spectroscopy
 
 CENTRES = np.array([[0.0, 0.0], [9.0, 0.0], [0.0, 9.0]])
@@ -23,11 +24,11 @@ def same_partition(one, other):
     )
 
 
-@pytest.mark.parametrize("core", [0.99, 1.0])
+@pytest.mark.parametrize("least", [0.0, 0.01, 0.1])
 @pytest.mark.parametrize("seed", range(4))
-def test_groups_that_stand_apart_are_found_with_nothing_but_the_points(seed, core):
+def test_groups_that_stand_apart_are_found_with_nothing_but_the_points(seed, least):
     points, labels = clusters(seed)
-    found = data_spectroscopy(points, core=core)
+    found = data_spectroscopy(points, least=least)
     assert found.n_groups == 3 and same_partition(found.labels, labels)
 
 
@@ -36,12 +37,12 @@ def test_one_gaussian_is_one_group():
 
 
 @pytest.mark.parametrize("bandwidth", [None, 0.7, 1.5])
-@pytest.mark.parametrize("core, tolerance", [(1.0, None), (0.99, None), (0.99, 0.1)])
+@pytest.mark.parametrize("least, tolerance", [(0.0, None), (0.01, None), (0.01, 0.1)])
 @pytest.mark.parametrize("seed", range(3))
-def test_an_integer_weight_is_so_many_copies(seed, bandwidth, core, tolerance):
+def test_an_integer_weight_is_so_many_copies(seed, bandwidth, least, tolerance):
     points, _ = clusters(seed, (20, 25, 15))
     counts = np.random.default_rng(seed).integers(1, 5, len(points))
-    options = {"bandwidth": bandwidth, "core": core, "tolerance": tolerance}
+    options = {"bandwidth": bandwidth, "least": least, "tolerance": tolerance}
     weighted = data_spectroscopy(points, counts, counts=True, **options)
     copies = data_spectroscopy(np.repeat(points, counts, axis=0), **options)
     assert weighted.n_groups == copies.n_groups
@@ -92,13 +93,13 @@ def test_a_group_without_weight_is_none_but_its_points_get_a_label():
     np.testing.assert_array_equal(found.labels[labels < 2], left_out.labels)
 
 
-def test_a_lone_point_of_little_weight_is_a_group_only_by_the_authors_threshold():
+def test_a_lone_point_of_little_weight_is_a_group_only_if_all_eigenvectors_count():
     points, labels = clusters()
     points, weights = (
         np.append(points, [[30.0, 30.0]], axis=0),
         np.append(np.ones(len(points)), 1e-3),
     )
-    assert data_spectroscopy(points, weights, bandwidth=1.0, core=1.0).n_groups == 4
+    assert data_spectroscopy(points, weights, bandwidth=1.0, least=0.0).n_groups == 4
     found = data_spectroscopy(points, weights, bandwidth=1.0)
     assert found.n_groups == 3 and same_partition(found.labels[:-1], labels)
 
@@ -133,6 +134,21 @@ def test_points_in_one_place_are_one_group():
 def test_figure_5_5_finds_the_four(seed):
     measured = thesis.figure_of("5.5", seed)[1]
     assert measured["groups"] == 4 and measured["weight_labelled_as_its_gaussian"] > 0.95, measured
+    assert measured["groups_if_all_eigenvectors_count"] > 4, measured
+
+
+@pytest.mark.parametrize("bandwidth", [0.45, 0.5])
+@pytest.mark.parametrize("seed", range(5000, 5003))
+def test_any_small_share_of_the_largest_eigenvalue_finds_the_four(seed, bandwidth):
+    """Eigenvectors of tiny eigenvalues are those of stray points, whose signs mean nothing."""
+    points, weights, _ = chapter_5.weighted_points(seed)
+    groups = [
+        data_spectroscopy(
+            points, weights, bandwidth=bandwidth, reading="printed", least=least
+        ).n_groups
+        for least in (0.001, 0.01, 0.1)
+    ]
+    assert groups == [4, 4, 4]
 
 
 @pytest.mark.parametrize(
@@ -145,7 +161,8 @@ def test_figure_5_5_finds_the_four(seed):
         ([[0.0], [1.0]], {"weights": [0.0, 0.0]}, "all zero"),
         ([[0.0], [1.0]], {"bandwidth": 0.0}, "bandwidth must be above 0"),
         ([[0.0], [1.0]], {"tolerance": -1.0}, "tolerance"),
-        ([[0.0], [1.0]], {"core": 1.5}, "core must be at most 1"),
+        ([[0.0], [1.0]], {"least": 1.0}, "least must be below 1"),
+        ([[0.0], [1.0]], {"least": -0.1}, "least"),
         ([[0.0], [1.0]], {"reading": "aloud"}, "reading must be one of"),
     ],
 )
