@@ -13,8 +13,9 @@ for s with standard deviation w. R contains the spread of the demonstrations and
 the pace, so that a robot that is slow because it is held back is not taken to be at the end of the
 movement. Then (7.19) follows y(s).
 
-The system has no clock. If the robot is held back, the movement waits. If it is pushed ahead, the
-movement skips a part. It reaches the goal from every start: since s' >= slowest > 0, s reaches its
+The system has no clock. If the robot is held back, the phase creeps on, at `slowest` at least. If
+it is pushed ahead, the movement skips a part. The phase never goes back: a robot that is led back
+to the start goes from there to where the movement is. It reaches the goal from every start: since s' >= slowest > 0, s reaches its
 end in finite time; from then on y is constant, and (7.19) with a constant attractor is a stable
 linear system.
 
