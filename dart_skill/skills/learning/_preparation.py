@@ -117,7 +117,7 @@ class PreparedThrow:
     noise
         Float [m], standard deviation of a coordinate of the hand, as it was recorded.
     seen
-        Where the ball came down (3,) [m], if the task is where the motion led; else the task.
+        Where the ball came down (3,) [m], also if the task is where the motion led; else the task.
     slowing
         Slowing, what the flight tells of the ball's mass.
     """

@@ -42,11 +42,6 @@ FINE = 1e-3
 others were seen.
 """
 
-COMMON = 0.1
-"""Standard deviation of how far balls land from where motions lead, for what is alike in all of them
-[m].
-"""
-
 Model = DSGMR | AutonomousDSGMR
 
 
@@ -75,9 +70,6 @@ class ThrowModel:
     seat
         (3,) [m], centre of the held ball in the frame of the hand's tracked body, the median of
         what was seen.
-    bias
-        (2,) how much farther, and farther to the left, balls land than where motions lead, as far
-        as it is alike in all demonstrations [m], [rad]; 0 where these are the same.
     hand_delay
         Float [s], median time from the command to the release; 0 if no command was seen.
     width
@@ -101,7 +93,6 @@ class ThrowModel:
         self.representation: type[Representation] = part("representation")
         self.surface = configuration.game.surface
         self._tasks = np.array([throw.task for throw in throws])
-        self.bias = self._common_miss(np.array([throw.seen for throw in throws]))
         self.credence = credence_of([throw.noise for throw in throws])
         self._start = float(np.median([throw.start for throw in throws])) - MARGIN
         self._stop = float(np.median([throw.stop for throw in throws]))
@@ -121,17 +112,6 @@ class ThrowModel:
         self.width = configuration.width
         self._whole = None if self.is_local else self._fit(self.credence)
 
-    def _common_miss(self, seen: np.ndarray) -> np.ndarray:
-        """The `bias` of places (n, 3) where balls were seen to land: their mean difference, with a
-        prior of `COMMON`.
-        """
-        if np.array_equal(seen, self._tasks):
-            return np.zeros(2)
-        apart = self.surface.coordinates(seen) - self.surface.coordinates(self._tasks)
-        prior = np.square([COMMON, COMMON / np.hypot(*self._tasks[:, :2].T).mean()])
-        noise = apart.var(axis=0, ddof=1) / len(apart)
-        return apart.mean(axis=0) * prior / (prior + noise)
-
     @cached_property
     def model_id(self) -> str:
         """Digest of what the model was made from: equal demonstrations and configuration give an
@@ -149,8 +129,7 @@ class ThrowModel:
         ball and delay of the hand.
         """
         digest = hashlib.sha256(repr(self.registration).encode())
-        parts = (self._posture, self.seat, np.array(self.hand_delay))
-        for part in (*parts, self.bias) if self.bias.any() else parts:
+        for part in (self._posture, self.seat, np.array(self.hand_delay)):
             digest.update(np.ascontiguousarray(part).tobytes())
         return digest.hexdigest()[:16]
 

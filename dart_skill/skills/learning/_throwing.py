@@ -155,7 +155,7 @@ class ThrowingSkill(ThrowModel):
             predicted = self.throw_for(task, self._fit(weights)).landing
         except Unreachable:
             return float("nan")
-        return -(self.surface.apart(predicted, task) ** 2)
+        return -(self.surface.apart(predicted, self.throws[i].seen) ** 2)
 
     def _checked(self, target: np.ndarray) -> np.ndarray:
         target = np.asarray(target, dtype=float)
@@ -202,8 +202,6 @@ class ThrowingSkill(ThrowModel):
         if not np.isfinite(landing).all():
             where = f"the plane of the {self.surface.what} at {task[2]:.2f} m"
             raise Unreachable(f"the plan for {course.azimuth:.2f} rad never comes down on {where}")
-        if self.bias.any():
-            landing = self.surface.point(self.surface.coordinates(landing) + self.bias, landing)
         return PlannedThrow(course, release, landing)
 
     def _course(self, task: np.ndarray, model: Model) -> PlannedPath:

@@ -218,7 +218,7 @@ class PractisingSkill:
         late = likely_late(
             delay - (plan.release - plan.open_hand), seen.release.time_uncertainty, spread
         )
-        place, miss, explained = repeatable_miss(plan, seen.task, late, self._game)
+        place, miss, explained = repeatable_miss(plan, seen.seen, late, self._game)
         if not np.isfinite([miss, explained]).all():
             return TrialLesson(
                 False,
@@ -231,7 +231,7 @@ class PractisingSkill:
             confirmed = self._confirms(place, miss, beyond_usual)
             self.hand.add(delay, seen.release.time_uncertainty, confirmed)
         if self.search is not None:
-            self.search.tell(plan, seen.task)
+            self.search.tell(plan, seen.seen)
         if self.correction is not None:
             self.correction.add(place, miss, beyond_usual)
         verdict = self._bootstrap(trial) if self.method in ("bootstrap", "both") else Verdict(True)
