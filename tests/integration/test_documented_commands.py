@@ -332,7 +332,7 @@ TYPED = {
     'ros2 action send_goal /execute dart_skill_msgs/action/Execute "{situation: {names: [right, up], numbers: [0.0, 0.103]}}"': (
         FULL_ROS
     ),
-    "dart-skill experiment darts --arm fleet --first-seed 3000 --seeds 2 --throws 50 --again 30": Run(
+    "dart-skill experiment darts --jobs 2 --arm fleet --first-seed 2000 --seeds 40 --throws 100 --again 30": Run(
         "--seeds 1 --throws 1 --demonstrations 2 --again 8", says="allowed", slow=True
     ),
     "dart-skill experiment darts --seeds 10 --throws 100 --jobs 2 --configuration intervals": Run(

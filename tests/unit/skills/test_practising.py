@@ -9,7 +9,7 @@ import pytest
 
 from dart_skill.arm import same_plan
 from dart_skill.session import Session
-from dart_skill.skills.learning import landing_if_late, learn_throwing
+from dart_skill.skills.learning import DEFAULT, landing_if_late, learn_throwing, prepare
 from dart_skill.skills.practice import (
     LEAST_SCATTER,
     PRIOR_SPREAD,
@@ -140,6 +140,22 @@ def test_a_throw_without_a_plan_is_a_demonstration(demonstrations):
     skill = PractisingSkill(demonstrations[:-1], method="residual")
     assert skill.tell(None, demonstrations[-1]).kept
     assert len(skill.practice.demonstrations) == len(demonstrations) and len(skill.correction) == 0
+
+
+def test_practice_learns_from_the_landing_also_where_motions_label_demonstrations(demonstrations):
+    """A ball that left the hand 4 % faster than it: the motion led to the basket, the ball flew on."""
+    session = Session(seed=13)
+    skill = PractisingSkill(demonstrations, changed_throw(DEFAULT, by_motion=True))
+    plan = skill.plan(BASKETS[0])
+    trial = session.throw(plan).demonstration
+    session.close()
+    release = prepare(trial.aimed_at(BASKETS[0]), DEFAULT).release
+    since = np.maximum(trial.moved.time - release.time, 0.0)[:, None]
+    faster = changed_throw(
+        trial, ball_position=trial.moved.position + 0.04 * since * release.velocity
+    )
+    left = skill.tell(plan, faster).left
+    assert left[0] > 0.05 and abs(left[1]) < 0.03, "along, and across"
 
 
 def test_a_throw_that_nobody_saw_is_told_and_teaches_nothing(demonstrations):
