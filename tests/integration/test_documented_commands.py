@@ -335,6 +335,9 @@ TYPED = {
     "dart-skill experiment darts --jobs 2 --arm fleet --first-seed 2000 --seeds 40 --throws 100 --again 30": Run(
         "--seeds 1 --throws 1 --demonstrations 2 --again 8", says="allowed", slow=True
     ),
+    "dart-skill experiment place --jobs 2 --seeds 4 --set skill.representation=pose --set skill.asked_turn=3.14159": Run(
+        "--seeds 1 --parts 1 --demonstrations 3", says="in their holders", slow=True
+    ),
     "dart-skill experiment darts --seeds 10 --throws 100 --jobs 2 --configuration intervals": Run(
         "--seeds 1 --throws 1 --demonstrations 2", says="on the board"
     ),
