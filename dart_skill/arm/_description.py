@@ -227,6 +227,11 @@ class WamDescription:
     home: np.ndarray
 
     @property
+    def shoulder(self) -> np.ndarray:
+        """Centre of the shoulder in the world (3,) [m]."""
+        return np.array([0.0, 0.0, self.mount_height + self.shoulder_height])
+
+    @property
     def reach(self) -> float:
         """Distance from the shoulder to the hand frame of the stretched arm [m]; the elbow is
         offset from both its links.

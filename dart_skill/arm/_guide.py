@@ -232,7 +232,8 @@ class CarefulGuide(PlanGuide):
         planned = super().look(time - self._waited, hand, stamp_ns)
         velocity, carries = planned.reference.velocity[:3], planned.carries
         aim = planned.reference.position - seen.shift + self._contact.aside
-        yields = partial(self._pull, planned.gains, carries, self._contact.touches)
+        pull = partial(self._pull, planned.gains, carries)
+        yields = partial(pull, self._contact.touches)
         slower = velocity - hand.velocity[:3]
         rate = self._contact.rate(
             time, step, hand.position, aim, velocity, slower, carries, yields
@@ -251,8 +252,7 @@ class CarefulGuide(PlanGuide):
         if carries:
             ahead = wanted.position - rest.shift - hand.position
             slower = wanted.velocity[:3] - hand.velocity[:3]
-            yields = partial(self._pull, planned.gains, carries, self._contact.touches)
-            less = self._contact.too_hard(ahead, slower, yields)
+            less = self._contact.too_hard(ahead, slower, partial(pull, self._contact.touches))
             rest = rest._replace(shift=rest.shift + less)
         return planned._replace(
             reference=shifted(wanted, rest),

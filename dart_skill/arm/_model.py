@@ -145,9 +145,7 @@ def _build(description: WamDescription, ball_in_hand: bool) -> tuple[pin.Model, 
     model.gravity.linear = np.array([0.0, 0.0, -description.gravity])
     parent, placement = (
         0,
-        pin.SE3(
-            np.eye(3), np.array([0.0, 0.0, description.mount_height + description.shoulder_height])
-        ),
+        pin.SE3(np.eye(3), description.shoulder),
     )
     for (alpha, a, d), joint, inertial in zip(
         description.dh, description.joints, description.links_dh, strict=True

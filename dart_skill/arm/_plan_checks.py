@@ -184,9 +184,8 @@ def stretched(plan: MotionPlan, description: WamDescription) -> str:
     """How far a plan, as the arm has it, goes beyond what it can follow with a bent elbow, in
     words; empty if it does not.
     """
-    shoulder = np.array([0.0, 0.0, description.mount_height + description.shoulder_height])
     swing = plan.path.position[plan.path.time <= plan.end]
-    farthest = float(np.linalg.norm(swing - shoulder, axis=1).max())
+    farthest = float(np.linalg.norm(swing - description.shoulder, axis=1).max())
     if farthest <= description.reach - STRETCHED:
         return ""
     return (

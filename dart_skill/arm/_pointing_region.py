@@ -9,11 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dart_skill.arm._swing_plane import SwingPlane, swing_plane
+from dart_skill.arm._swing_plane import MARGIN, SwingPlane, swing_plane
 from dart_skill.arm._urdf_arm import UrdfArm
 
-MARGIN = 0.15
-"""Distance that the joints keep to the ends of their ranges [rad]."""
 STEP = 0.01
 """Distances are tried so far from each other [m]."""
 
@@ -88,5 +86,5 @@ def _longest(plane: SwingPlane) -> float:
 
 
 def _angle(vector: np.ndarray) -> np.ndarray:
-    """Of vectors (..., 2) against the first axis [rad]."""
+    """Angle of vectors (..., 2) against the first axis [rad]."""
     return np.arctan2(vector[..., 1], vector[..., 0])

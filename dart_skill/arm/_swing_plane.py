@@ -20,6 +20,8 @@ SQUARE = 1e-3
 """Cosine below which two directions are square to each other."""
 SHORT = 1e-3
 """Distance from the last axes to the hand below which they do not move it [m]."""
+MARGIN = 0.15
+"""Distance that the joints keep to the ends of their ranges [rad]."""
 LEAST = 2
 """Number of joints of a plane at least."""
 

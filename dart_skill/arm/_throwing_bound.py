@@ -19,11 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dart_skill.arm._swing_plane import SwingPlane, swing_plane
+from dart_skill.arm._swing_plane import MARGIN, SwingPlane, swing_plane
 from dart_skill.arm._urdf_arm import UrdfArm
+from dart_skill.common.constants import GRAVITY
 
-MARGIN = 0.15
-"""Distance that the joints keep to the ends of their ranges [rad]."""
 SWINGS = (0.3, 0.4, 0.5, 0.7)
 """Times that a swing may take [s]."""
 POSTURES = 20_000
@@ -34,8 +33,8 @@ NARROWS = 0.5
 """Each of these is so much narrower than the one before."""
 INSTANTS = 21
 """Number of instants of a swing at which torques are looked at."""
-GRAVITY = 9.81
-"""[m/s^2]."""
+NOTHING = 1e-9
+"""A joint that moves the hand aside by less does not [m/rad]."""
 
 
 @dataclass(frozen=True)
@@ -98,19 +97,17 @@ def fastest(
     along = np.einsum("i,kim->km", direction, jacobian)
     aside = np.einsum("i,kim->km", [-direction[1], direction[0]], jacobian)
     # joints that do not move the hand aside have no breakpoint: any other one serves
-    slopes = np.where(
-        np.abs(aside) > 1e-9, along / np.where(np.abs(aside) > 1e-9, aside, 1.0), 0.0
-    )
+    moves = np.abs(aside) > NOTHING
+    slopes = np.divide(along, aside, out=np.zeros_like(along), where=moves)
     values = np.abs(along[:, None] - slopes[:, :, None] * aside[:, None]) @ limits
     best = values.argmin(axis=1)
     rows = np.arange(len(best))
     rates = limits * np.sign(along - slopes[rows, best, None] * aside)
     # the joint of the breakpoint takes what keeps the hand from moving aside
     rates[rows, best] = 0.0
-    left = aside[rows, best]
     rest = -(rates * aside).sum(axis=1)
-    rates[rows, best] = np.where(
-        np.abs(left) > 1e-9, rest / np.where(np.abs(left) > 1e-9, left, 1.0), 0.0
+    rates[rows, best] = np.divide(
+        rest, aside[rows, best], out=np.zeros_like(rest), where=moves[rows, best]
     )
     return values[rows, best], rates
 
@@ -165,11 +162,11 @@ def _best(
     for _ in range(ROUNDS):
         angles = (middle + width * (rng.random((POSTURES, len(lower))) - 0.5)).clip(lower, upper)
         speed, rates = fastest(plane.jacobian(angles), limits, direction)
-        distance = _distances(plane.places(angles)[:, -1], speed, direction, rim)
+        hand = plane.places(angles)[:, -1]
+        distance = _distances(hand, speed, direction, rim)
         starts = angles - 0.5 * swing * rates
         within = ((starts >= lower) & (starts <= upper)).all(axis=1)
-        above = plane.places(angles)[:, -1, 1] > arm.mount_height
-        distance = np.where(within & above, distance, -np.inf)
+        distance = np.where(within & (hand[:, 1] > arm.mount_height), distance, -np.inf)
         k = int(distance.argmax())
         if distance[k] > farthest:
             best, farthest, middle = (angles[k], rates[k]), float(distance[k]), angles[k]

@@ -6,7 +6,6 @@ the URDF has wrong.
 from __future__ import annotations
 
 import importlib.util
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from dart_skill.arm._description import parse_description
 from dart_skill.arm._urdf import write_urdf
-from dart_skill.common.configuration import check_number, config_path, read_yaml
+from dart_skill.common.configuration import check_number, config_path, read_yaml, ros_prefixes
 from dart_skill.common.files import open_file
 
 TURNS = 2.0 * np.pi
@@ -444,12 +443,11 @@ def package_paths(where: str) -> list[Path]:
     share/ of what Pinocchio's packages on PyPI install.
     """
     package, _, rest = where.removeprefix("package://").partition("/")
-    prefixes = [Path(p) for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
     spec = importlib.util.find_spec(package) if package.isidentifier() else None
     inside = [Path(p) for p in (spec.submodule_search_locations or [])] if spec else []
     shared = [p for p in Path(pin.__file__).parents if p.name == "cmeel.prefix"]
     return [
-        *(prefix / "share" / package / rest for prefix in prefixes),
+        *(prefix / "share" / package / rest for prefix in ros_prefixes()),
         *(folder / rest for folder in inside),
         *(prefix / "share" / package / rest for prefix in shared),
     ]

@@ -179,17 +179,18 @@ def shared_folders(name: str, package: str, below: str = "") -> list[Path]:
     installed ROS package, there `below` it.
     """
     library = Path(__file__).resolve().parents[1]
-    prefixes = [
-        Path(prefix)
-        for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-        if prefix
-    ]
     checkout = [library.parent / name] if (library.parent / "package.xml").is_file() else []
     return [
         library / name,
         *checkout,
-        *(prefix / "share" / package / below for prefix in prefixes),
+        *(prefix / "share" / package / below for prefix in ros_prefixes()),
     ]
+
+
+def ros_prefixes() -> list[Path]:
+    """Where packages of ROS are installed, the first that counts first."""
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    return [Path(prefix) for prefix in prefixes if prefix]
 
 
 def _folders() -> list[Path]:

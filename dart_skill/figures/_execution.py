@@ -148,7 +148,7 @@ def _draw_side(axes: Axes, throw: ExecutedThrow, basket: Basket) -> None:
         return points[:, :2] @ forward, points[:, 2]
 
     # The floor, the stand with the base axis, and the shoulder.
-    shoulder = wam_description().mount_height + wam_description().shoulder_height
+    shoulder = wam_description().shoulder[2]
     axes.axhline(0.0, color=LIGHT, linewidth=1.0, zorder=0)
     axes.plot(
         [0.0, 0.0],

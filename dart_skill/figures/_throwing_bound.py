@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from dart_skill.common.constants import GRAVITY
 from dart_skill.figures._style import BALL, BASKET, BLACK, GREY, house_style
 
 if TYPE_CHECKING:
@@ -16,8 +17,6 @@ POSTURES = 5
 """Number of postures of the swing that are drawn, the last at the release."""
 INSTANTS = 60
 """Number of points of the flight."""
-GRAVITY = 9.81
-"""[m/s^2]."""
 
 
 def throwing_bound_figure(arm: UrdfArm, bound: ThrowingBound, rim: float) -> Figure:

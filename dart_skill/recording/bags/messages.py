@@ -19,7 +19,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from dart_skill.common.configuration import shared_folders
+from dart_skill.common.configuration import ros_prefixes, shared_folders
 from dart_skill.recording.bags._definitions import interface_of, nested, parts_of, split_definition
 from dart_skill.recording.bags.metadata import full_name
 
@@ -230,10 +230,9 @@ def _install(types: Typestore, type_name: str) -> None:
     if type_name in types.fielddefs:
         return
     package, kind, _name = type_name.split("/")
-    for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
-        file = Path(
-            prefix, "share", package, kind, f"{interface_of(type_name).split('/')[-1]}.{kind}"
-        )
+    file_name = f"{interface_of(type_name).split('/')[-1]}.{kind}"
+    for prefix in ros_prefixes():
+        file = prefix / "share" / package / kind / file_name
         if file.is_file():
             found = _defined_in(file, package)
             for name in (

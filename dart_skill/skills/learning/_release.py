@@ -106,7 +106,9 @@ def stretched_at(time: np.ndarray, position: np.ndarray) -> float:
     """The first instant of time (n,) at which a hand with position (n, 3) is too far from the
     shoulder for the arm; infinite if there is none.
     """
-    over = np.linalg.norm(position - _shoulder(), axis=1) - (wam_description().reach - STRETCHED)
+    over = np.linalg.norm(position - wam_description().shoulder, axis=1) - (
+        wam_description().reach - STRETCHED
+    )
     k = int(np.argmax(over >= 0.0))
     if over[k] < 0.0:
         return np.inf
@@ -127,13 +129,9 @@ def _seen_by(registration: Registration) -> tuple[np.ndarray, float]:
     """The shoulder (3,) in the world of the cameras, and how far from it a tracked body at least
     can be [m]: the same for many plans.
     """
-    shoulder = rotate([registration.turn], _shoulder()[None]) + np.array(registration.shift)
+    shoulder = rotate([registration.turn], wam_description().shoulder[None]) + np.array(
+        registration.shift
+    )
     return shoulder, wam_description().reach - STRETCHED - float(
         np.linalg.norm(registration.hand_shift)
     )
-
-
-def _shoulder() -> np.ndarray:
-    """The shoulder (3,) in the world of the arm."""
-    arm = wam_description()
-    return np.array([0.0, 0.0, arm.mount_height + arm.shoulder_height])

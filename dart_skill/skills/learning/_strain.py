@@ -62,10 +62,8 @@ def _shown(skill: Skill, one: Demonstration) -> np.ndarray:
 
 
 def _stretched(model: ArmModel, q: np.ndarray) -> str:
-    d = model.description
-    shoulder = np.array([0.0, 0.0, d.mount_height + d.shoulder_height])
-    hands = np.array([model.hand_pose(row)[0] for row in q])
-    left = d.reach - float(np.linalg.norm(hands - shoulder, axis=1).max())
+    arm, hands = model.description, np.array([model.hand_pose(row)[0] for row in q])
+    left = arm.reach - float(np.linalg.norm(hands - arm.shoulder, axis=1).max())
     if left > NEARLY_STRETCHED:
         return ""
     far = f"{100 * max(left, 0.0):.1f} cm from its full reach"

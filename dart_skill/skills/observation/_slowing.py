@@ -43,12 +43,12 @@ class Slowing:
 
     @classmethod
     def none(cls) -> Slowing:
-        """Of no flight."""
+        """Equations that no flight has added to."""
         return cls(np.zeros((4, 4)), np.zeros(4))
 
     @classmethod
     def of(cls, time: np.ndarray, position: np.ndarray, free: FreeFlight, ball: Ball) -> Slowing:
-        """Of one flight in samples (n,) [s], (n, 3) [m] of a ball.
+        """Equations of one flight in samples (n,) [s], (n, 3) [m] of a ball.
 
         Parameters
         ----------
@@ -74,7 +74,7 @@ class Slowing:
 
     @classmethod
     def together(cls, flights: Iterable[Slowing]) -> Slowing:
-        """Of all these flights."""
+        """Sum of the equations of flights."""
         each = list(flights)
         return cls(
             sum((one.matrix for one in each), np.zeros((4, 4))),

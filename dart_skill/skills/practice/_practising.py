@@ -124,6 +124,8 @@ class PractisingSkill:
         HandDelay that was learned; None if the method "none" is used or darts are thrown.
     steadiness
         Steadiness, what was seen of own releases.
+    ball_news
+        What the last throw was the first to say against the mass of the ball; empty if nothing.
     release_shift
         Float [s], by which the release was moved.
     """
@@ -168,7 +170,7 @@ class PractisingSkill:
         )
         self.steadiness = Steadiness(self._game)
         self.release_shift = 0.0
-        self._flown: list[Slowing] = []
+        self._flown, self.ball_news = Slowing.none(), ""
         self._steady_every = steady_every
         self._steadied: _Steadied | None = None
         self._n_told = 0
@@ -212,7 +214,7 @@ class PractisingSkill:
             )
         except ValueError as error:
             return TrialLesson(False, str(error))
-        self._flown.append(seen.slowing)
+        self._look_at_the_ball(seen.slowing)
         delay = self._delay_of(seen)
         spread = USUAL_DELAY_SPREAD if self.hand is None else self.hand.spread
         late = likely_late(
@@ -243,12 +245,12 @@ class PractisingSkill:
     @property
     def ball_in_words(self) -> str:
         """What the own throws say against the mass of the ball; empty if nothing."""
-        return self.skill.ball_in_words(self._flown)
+        return self.skill.ball_in_words([self._flown])
 
-    @property
-    def ball_news(self) -> str:
-        """The same, if the last throw was the first to tell it."""
-        return "" if self.skill.ball_in_words(self._flown[:-1]) else self.ball_in_words
+    def _look_at_the_ball(self, slowing: Slowing) -> None:
+        """Take what a flight tells; `ball_news` is what is said of the ball for the first time."""
+        known, self._flown = self.ball_in_words, Slowing.together([self._flown, slowing])
+        self.ball_news = "" if known else self.ball_in_words
 
     @property
     def practised(self) -> int:

@@ -66,8 +66,9 @@ a node makes while it is configured would silence it for as many seconds.
 SYSTEM = Clock(clock_type=ClockType.SYSTEM_TIME)
 """For stamps that do not belong to the time of the world: the date."""
 NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
-"""Of a subscription that follows its publishers: rclpy warns of one that does not match, though it
-is about to be replaced, and ends the process where it was replaced before the warning's turn came.
+"""No events for a subscription that follows its publishers: rclpy warns of one that does not match,
+though it is about to be replaced, and ends the process where it was replaced before the warning's
+turn came.
 """
 LOOK_AGAIN = 0.2
 """The graph is looked at so often [s, wall clock]."""

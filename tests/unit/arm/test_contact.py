@@ -7,11 +7,11 @@ from dart_skill.arm import ContactSearch, Yielding
 
 STEP, FORCE, FELT = 0.002, 20.0, 0.01
 SOFT = Yielding(np.diag([0.5e-3, 0.5e-3, 1.25e-3]), 0.0)
-"""Of the hand: contact is felt at 10 mm, and a search presses with 6.25 mm."""
+"""Hand of which contact is felt at 10 mm, and a search presses with 6.25 mm."""
 STILL = np.zeros(3)
-"""Of a hand that is as fast as wanted [m/s]."""
+"""How much slower a hand is that is as fast as wanted [m/s]."""
 STIFF = Yielding(1e-4 * np.eye(3), 0.08)
-"""Of a hand that 20 N move by 2 mm, or that is slower than wanted by 2.5 cm/s."""
+"""Hand that 20 N hold back by 2 mm, as much as being slower than wanted by 2.5 cm/s."""
 DOWN = np.array([0.0, 0.0, -0.04])
 """Planned velocity [m/s]."""
 

@@ -295,7 +295,7 @@ def test_log_time_that_jumps_back_is_told_and_a_small_disorder_is_not(tmp_path):
 
 
 def test_publishers_with_delays_of_their_own_have_set_no_clock(tmp_path):
-    """Of an arm whose driver lags it was said 1825 times that a clock was set, or that a
+    """An arm whose driver lags: it was said 1825 times that a clock was set, or that a
     simulation began anew. One step of a second among them is told as what it is.
     """
     first = times(30.0)

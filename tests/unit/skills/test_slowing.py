@@ -44,7 +44,7 @@ def thrown(ball, noise=1e-3, seed=0, n=6, world=None):
 @pytest.mark.parametrize("heavier", [0.5, 1.0, HEAVIER])
 @pytest.mark.parametrize("askew", [0.0, 0.03])
 def test_the_share_is_told_to_an_eighth_and_as_far_as_it_is_sure(heavier, askew):
-    """Of cameras that stand askew, too: their gravity has a part across."""
+    """Cameras that stand askew count, too: their gravity has a part across."""
     world = Rotation.from_rotvec([0.0, askew, 0.0])
     share, spread = thrown(
         replace(TENNIS_BALL, mass=heavier * TENNIS_BALL.mass), world=world
