@@ -249,7 +249,8 @@ class PractisingSkill:
 
     def _look_at_the_ball(self, slowing: Slowing) -> None:
         """Take what a flight tells; `ball_news` is what is said of the ball for the first time."""
-        known, self._flown = self.ball_in_words, Slowing.together([self._flown, slowing])
+        known = self.ball_in_words
+        self._flown = Slowing.together([self._flown, slowing])
         self.ball_news = "" if known else self.ball_in_words
 
     @property
