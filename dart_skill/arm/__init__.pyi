@@ -11,10 +11,11 @@ from dart_skill.arm._commander import Mode as Mode
 from dart_skill.arm._contact import ContactSearch as ContactSearch
 from dart_skill.arm._contact import Yielding as Yielding
 from dart_skill.arm._description import DART as DART
+from dart_skill.arm._description import ArmDescription as ArmDescription
+from dart_skill.arm._description import ArmSwing as ArmSwing
 from dart_skill.arm._description import HeldBall as HeldBall
-from dart_skill.arm._description import WamDescription as WamDescription
 from dart_skill.arm._description import parse_description as parse_description
-from dart_skill.arm._description import wam_description as wam_description
+from dart_skill.arm._description import rotation_of as rotation_of
 from dart_skill.arm._description import with_box as with_box
 from dart_skill.arm._effort_bridge import BridgePhase as BridgePhase
 from dart_skill.arm._effort_bridge import BridgeSettings as BridgeSettings
@@ -66,6 +67,8 @@ from dart_skill.arm._plan_checks import check_plan as check_plan
 from dart_skill.arm._plan_checks import stretched as stretched
 from dart_skill.arm._pointing_region import pointing_region as pointing_region
 from dart_skill.arm._pointing_region import postures as postures
+from dart_skill.arm._ready_posture import posture_at as posture_at
+from dart_skill.arm._ready_posture import ready_posture as ready_posture
 from dart_skill.arm._registration import KnownRegistration as KnownRegistration
 from dart_skill.arm._registration import Registration as Registration
 from dart_skill.arm._registration import load_registration as load_registration
@@ -81,6 +84,8 @@ from dart_skill.arm._safety import SafetyModule as SafetyModule
 from dart_skill.arm._safety import check_push as check_push
 from dart_skill.arm._swing_plane import SwingPlane as SwingPlane
 from dart_skill.arm._swing_plane import swing_plane as swing_plane
+from dart_skill.arm._the_arm import the_arm as the_arm
+from dart_skill.arm._the_arm import the_swing as the_swing
 from dart_skill.arm._throwing_bound import ThrowingBound as ThrowingBound
 from dart_skill.arm._throwing_bound import fastest as fastest
 from dart_skill.arm._throwing_bound import throwing_bound as throwing_bound
@@ -90,7 +95,6 @@ from dart_skill.arm._urdf import joint_transforms as joint_transforms
 from dart_skill.arm._urdf import write_urdf as write_urdf
 from dart_skill.arm._urdf_arm import UrdfArm as UrdfArm
 from dart_skill.arm._urdf_arm import UrdfJoint as UrdfJoint
-from dart_skill.arm._urdf_arm import arm_names as arm_names
 from dart_skill.arm._urdf_arm import load_arm as load_arm
 from dart_skill.arm._urdf_arm import package_paths as package_paths
 from dart_skill.arm._urdf_arm import read_urdf as read_urdf

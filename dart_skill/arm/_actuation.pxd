@@ -4,6 +4,7 @@ from libc cimport math
 from dart_skill.common.small_matrices cimport factor_into, solve_into
 
 cdef class Actuation:
+    cdef Py_ssize_t _n
     cdef const double[:, :] _to_motor, _from_joint_torque
     cdef const double[:] _stall, _slope, _peak, _dry, _wet
     cdef double[::1] _motor, _momentum

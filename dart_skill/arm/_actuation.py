@@ -1,4 +1,4 @@
-"""What the WAM's motors and cables do to a commanded joint torque: peak torque, the motors'
+"""What the motors and the transmission of an arm do to a commanded joint torque: peak torque, the motors'
 torque-speed line, joint friction.
 
 It is asked at every step of the arm. So it is compiled (docs/development.md): _actuation.pxd
@@ -9,8 +9,7 @@ import math
 
 import numpy as np
 
-from dart_skill.arm._description import WamDescription
-from dart_skill.common.constants import N_JOINTS
+from dart_skill.arm._description import ArmDescription
 from dart_skill.common.small_matrices import factor_into, solve_into
 
 STICTION_SPEED = 1e-3
@@ -24,11 +23,11 @@ docs/sources.md.
 
 
 class Actuation:
-    """Torque limits and friction of the seven joints.
+    """Torque limits and friction of the joints.
 
     The speed limit of a joint is that of its motors: the torque that is left falls linearly to
-    zero at the no-load speed and turns into braking beyond it. J2 and J3, and J5 and J6, share two
-    motors each, so their limits depend on both speeds.
+    zero at the no-load speed and turns into braking beyond it. J2 and J3 of the WAM, and its J5 and
+    J6, share two motors each, so their limits depend on both speeds.
 
     Parameters
     ----------
@@ -43,12 +42,13 @@ class Actuation:
 
     def __init__(
         self,
-        description: WamDescription,
+        description: ArmDescription,
         friction_scale: float = 1.0,
         motor_scale: float = 1.0,
         stiction: float = 0.0,
     ):
-        motors = description.motors
+        motors, n = description.motors, description.n_joints
+        self._n = n
         self._to_motor = np.array(motors.joint_to_motor, dtype=float)
         self._from_joint_torque = np.linalg.inv(self._to_motor.T)
         self._stall = motor_scale * motors.stall_torque
@@ -59,18 +59,18 @@ class Actuation:
         self._dry, self._wet = self.coulomb, self.viscous
         self._stiction = stiction
         self._motor, self._momentum, self._system = (
-            np.zeros(N_JOINTS),
-            np.zeros(N_JOINTS),
-            np.zeros((N_JOINTS, N_JOINTS)),
+            np.zeros(n),
+            np.zeros(n),
+            np.zeros((n, n)),
         )
 
     def deliverable(self, torque: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """The torque (7,) that reaches the joints when `torque` is asked for at joint velocity
         (7,) [N m].
         """
-        for i in range(N_JOINTS):
+        for i in range(self._n):
             asked = back_emf = 0.0
-            for j in range(N_JOINTS):
+            for j in range(self._n):
                 asked += self._from_joint_torque[i, j] * min(
                     max(torque[j], -self._peak[j]), self._peak[j]
                 )
@@ -81,20 +81,20 @@ class Actuation:
 
     def braking(self, velocity: np.ndarray) -> np.ndarray:
         """Torque (7,) of the motors when they are shorted, against joint velocity (7,) [N m]."""
-        for i in range(N_JOINTS):
+        for i in range(self._n):
             speed = 0.0
-            for j in range(N_JOINTS):
+            for j in range(self._n):
                 speed += self._to_motor[i, j] * velocity[j]
             self._motor[i] = -self._slope[i] * speed
         return self._at_joints()
 
     def _at_joints(self) -> np.ndarray:
         """The motors' torques as those of the joints (7,) [N m]."""
-        result = np.empty(N_JOINTS)
+        result = np.empty(self._n)
         torque = result
-        for j in range(N_JOINTS):
+        for j in range(self._n):
             total = 0.0
-            for i in range(N_JOINTS):
+            for i in range(self._n):
                 total += self._to_motor[i, j] * self._motor[i]
             torque[j] = total
         return result
@@ -103,9 +103,9 @@ class Actuation:
         """Joint friction at joint velocity (7,) as the damping (7,) [N m s/rad] that has its value
         there.
         """
-        result = np.empty(N_JOINTS)
+        result = np.empty(self._n)
         damping = result
-        for j in range(N_JOINTS):
+        for j in range(self._n):
             damping[j] = self._damping(j, velocity[j])
         return result
 
@@ -128,21 +128,21 @@ class Actuation:
             value at the speed reached, c / max(|v|, STICTION_SPEED): implicit Euler, one
             fixed-point correction.
         """
-        result = np.empty(N_JOINTS)
+        result = np.empty(self._n)
         reached, system, momentum = result, self._system, self._momentum
-        for i in range(N_JOINTS):
+        for i in range(self._n):
             total = 0.0
-            for j in range(N_JOINTS):
+            for j in range(self._n):
                 total += inertia[i, j] * velocity[j]
             momentum[i] = total + step * torque[i]
             reached[i] = velocity[i]
         for _ in range(2):
-            for i in range(N_JOINTS):
+            for i in range(self._n):
                 for j in range(i):
                     system[i, j] = inertia[i, j]
                 system[i, i] = inertia[i, i] + step * self._damping(i, reached[i])
             factor_into(system, system)
             solve_into(system, momentum, reached)
-        for i in range(N_JOINTS):
+        for i in range(self._n):
             reached[i] = (reached[i] - velocity[i]) / step
         return result

@@ -17,17 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.common.constants import N_JOINTS
-
-ELBOW = 4
-"""The joint in the elbow; J_i of the joints up to it move it."""
-
 
 class ArmTerms:
-    """Kinematics and dynamics of the arm in the state that was taken last. The dynamics are
-    computed when they are asked for.
-
-    , which the next state overwrites:
+    """Kinematics and dynamics of the arm in the state that was taken last, which the next state
+    overwrites. The dynamics are computed when they are asked for.
 
     Parameters
     ----------
@@ -38,7 +31,9 @@ class ArmTerms:
     hand
         Pinocchio's placement of the hand on the last joint.
     reflected
-        Inertia of the rotors (7, 7) [kg m^2].
+        Inertia of the rotors (n, n) [kg m^2].
+    elbow
+        Number of the joint at the elbow, from 1 on; J_i of the joints up to it move it.
 
     Attributes
     ----------
@@ -60,8 +55,10 @@ class ArmTerms:
         Acceleration of the hand at zero joint acceleration (6,), after `find_coriolis`.
     """
 
-    def __init__(self, pinocchio: ModuleType, model: Any, hand: Any, reflected: np.ndarray):
-        data, weightless = model.createData(), model.copy()
+    def __init__(
+        self, pinocchio: ModuleType, model: Any, hand: Any, reflected: np.ndarray, elbow: int
+    ):
+        data, weightless, n = model.createData(), model.copy(), model.nv
         # there the bias torque is that of Coriolis and centrifugal terms alone
         weightless.gravity.linear = np.zeros(3)
         self._kinematics = partial(pinocchio.computeJointJacobians, model, data)
@@ -69,30 +66,30 @@ class ArmTerms:
         self._inertia = partial(pinocchio.crba, model, data)
         self._bias = partial(pinocchio.nonLinearEffects, weightless, data)
         self._of_elbow = partial(
-            pinocchio.getJointJacobian, model, data, ELBOW, pinocchio.LOCAL_WORLD_ALIGNED
+            pinocchio.getJointJacobian, model, data, elbow, pinocchio.LOCAL_WORLD_ALIGNED
         )
         # Views of Pinocchio's own numbers, which each of its passes writes anew.
         self._twists, self._upper, self._biased, self._weighed = data.J, data.M, data.nle, data.g
-        wrist, elbow = data.oMi[N_JOINTS], data.oMi[ELBOW]
+        wrist = data.oMi[n]
         self._data, self._wrist, self._turned, self._elbow = (
             data,
             wrist.translation,
             wrist.rotation,
-            elbow.translation,
+            data.oMi[elbow].translation,
         )
         self._hand, self._hand_turned = (
             np.array(hand.translation),
             np.array(hand.rotation, order="C"),
         )
         self._reflected = np.array(reflected, order="C")
-        self._angles, self._speeds = np.full(N_JOINTS, np.nan), np.full(N_JOINTS, np.nan)
-        self.q, self.qd, self._up_to_elbow = self._angles, self._speeds, ELBOW
+        self._angles, self._speeds = np.full(n, np.nan), np.full(n, np.nan)
+        self.q, self.qd, self._up_to_elbow = self._angles, self._speeds, elbow
         self._twist, self._rate, self._column = np.zeros(6), np.zeros(6), np.zeros(6)
         self._has_speeds = self._has_gravity = self._has_inertia = self._has_coriolis = False
         self.position, self.rotation, self.jacobian = (
             np.zeros(3),
             np.zeros((3, 3)),
-            np.zeros((6, N_JOINTS)),
+            np.zeros((6, n)),
         )
         self.velocity, self.drift, self.hand_speed, self.elbow_speed = (
             np.zeros(6),
@@ -102,9 +99,9 @@ class ArmTerms:
         )
         self.are_finite = False
         self.inertia, self.coriolis, self.gravity = (
-            np.zeros((N_JOINTS, N_JOINTS)),
-            np.zeros(N_JOINTS),
-            np.zeros(N_JOINTS),
+            np.zeros((n, n)),
+            np.zeros(n),
+            np.zeros(n),
         )
 
     def take(self, q: np.ndarray, qd: np.ndarray | None) -> None:
@@ -120,7 +117,7 @@ class ArmTerms:
         if q.shape[0] != self.q.shape[0] or (qd is not None and qd.shape[0] != self.q.shape[0]):
             speeds = "none" if qd is None else qd.shape[0]
             raise ValueError(
-                f"the arm has {N_JOINTS} joints, and the state {q.shape[0]} angles and {speeds}"
+                f"the arm has {self.q.shape[0]} joints, and the state {q.shape[0]} angles and {speeds}"
                 " speeds"
             )
         if _differ(self.q, q):
@@ -186,7 +183,7 @@ class ArmTerms:
         and Coriolis terms.
         """
         self.find_inertia()
-        result = np.empty(N_JOINTS)
+        result = np.empty(self.q.shape[0])
         torque = result
         for i in range(self.q.shape[0]):
             torque[i] = 0.0

@@ -6,7 +6,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from dart_skill.common.constants import N_JOINTS, Grip
+from dart_skill.common.arm_choice import joint_count
+from dart_skill.common.constants import Grip
 
 REST_SPEED = 0.05
 """An arm rests, and a stop is over, when no joint is faster [rad/s]."""
@@ -60,7 +61,7 @@ class Command:
 
     stamp_ns: int
     wrench: np.ndarray = field(default_factory=lambda: np.zeros(6))
-    joint_torque: np.ndarray = field(default_factory=lambda: np.zeros(N_JOINTS))
+    joint_torque: np.ndarray = field(default_factory=lambda: np.zeros(joint_count()))
     grip: Grip = Grip.UNSPECIFIED
     speed: Speed = Speed.CAREFUL
 
@@ -151,7 +152,7 @@ def check_command(command: Command, stamp_ns: int) -> None:
     """ValueError with the reason unless the command is finite, of the right shape and answers the
     state of `stamp_ns`.
     """
-    for name, shape in (("wrench", (6,)), ("joint_torque", (N_JOINTS,))):
+    for name, shape in (("wrench", (6,)), ("joint_torque", (joint_count(),))):
         value = np.asarray(getattr(command, name), dtype=float)
         if value.shape != shape:
             raise ValueError(f"command.{name} has shape {value.shape}, not {shape}")

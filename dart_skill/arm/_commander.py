@@ -16,7 +16,7 @@ import numpy as np
 
 from dart_skill.arm._command import REST_SPEED, ArmState, Command, Speed
 from dart_skill.arm._contact import Yielding
-from dart_skill.arm._description import WamDescription, wam_description
+from dart_skill.arm._description import ArmDescription
 from dart_skill.arm._guide import CarefulGuide, Guide, PlanGuide
 from dart_skill.arm._hand_pull import HandPull
 from dart_skill.arm._impedance import (
@@ -38,10 +38,10 @@ from dart_skill.arm._plan_checks import (
 )
 from dart_skill.arm._registration import Registration
 from dart_skill.arm._safety import SafetyModule
-from dart_skill.common.constants import N_JOINTS, Grip
+from dart_skill.arm._the_arm import the_arm
+from dart_skill.common.arm_choice import joint_count
+from dart_skill.common.constants import Grip
 
-NO_TORQUE = np.zeros(N_JOINTS)
-"""What the commander asks of a joint is cut to its limit: there is nothing to watch."""
 JUMP = 0.1
 """Distance of a joint from its last position, beside what it moves meanwhile, that no arm makes
 [rad]: the state is another arm's.
@@ -103,12 +103,12 @@ class Commander:
     def __init__(
         self,
         settings: CommanderSettings | None = None,
-        description: WamDescription | None = None,
+        description: ArmDescription | None = None,
         measured: Registration | None = None,
     ):
         self.settings = settings or CommanderSettings.configured()
         self._measured = measured
-        self._description = description or wam_description()
+        self._description = description or the_arm()
         share = self.settings.friction_compensation
         self._lower, self._upper = (
             self._description.of_joints("lower"),
@@ -116,6 +116,8 @@ class Commander:
         )
         # always in the state of the arm, not in that of an expected motion
         self.model = ArmModel(self._description)
+        # what the commander asks of a joint is cut to its limit: there is nothing to watch
+        self._no_torque = np.zeros(self._description.n_joints)
         self._servo = JointServo(Impedance(self.model, share))
         self._pull = HandPull(self.settings, self._description, self._servo)
         self._safety = SafetyModule(self.settings.limits, self._description)
@@ -281,9 +283,9 @@ class Commander:
         """
         self._check_ready()
         posture = np.asarray(posture, dtype=float)
-        if posture.shape != (N_JOINTS,) or not np.isfinite(posture).all():
+        if posture.shape != (joint_count(),) or not np.isfinite(posture).all():
             raise PlanRefused(
-                f"the posture is {posture.tolist()}: give {N_JOINTS} finite joint angles"
+                f"the posture is {posture.tolist()}: give {joint_count()} finite joint angles"
             )
         margin = self.settings.limits.joint_margin
         check_range("the posture", posture, self._lower + margin, self._upper - margin)
@@ -368,7 +370,7 @@ class Commander:
             self._entered_ns = state.stamp_ns
         self.time = (state.stamp_ns - self._entered_ns) * 1e-9
         command = self._ANSWERS[self.mode](self, state)
-        fault = self._safety.look_at(terms, NO_TORQUE, command.speed)
+        fault = self._safety.look_at(terms, self._no_torque, command.speed)
         if fault and not self.stopped_by:
             self.stop(f"stopped: {fault}", until_reset=True)
             command = self._ANSWERS[self.mode](self, state)
@@ -463,7 +465,7 @@ class Commander:
 
     _ANSWERS: Mapping[Mode, Callable[["Commander", ArmState], Command]] = {
         Mode.HOLDING: _holding,
-        Mode.FREE: lambda self, state: self._command(state, np.zeros(N_JOINTS)),
+        Mode.FREE: lambda self, state: self._command(state, np.zeros(joint_count())),
         Mode.APPROACHING: _on_the_way,
         Mode.SETTLING: _settling,
         Mode.EXECUTING: _executing,
@@ -539,7 +541,7 @@ def limit_broken(
     return ""
 
 
-def refuse_jump(way: np.ndarray, gap: float, description: WamDescription) -> None:
+def refuse_jump(way: np.ndarray, gap: float, description: ArmDescription) -> None:
     """ValueError for a way (7,) [rad] that no arm has gone within a gap [s]."""
     ways = [abs(one) for one in way.tolist()]
     if (most := max(ways)) > JUMP + JUMP_SPEED * gap:

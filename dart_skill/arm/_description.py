@@ -1,18 +1,18 @@
-"""What a Barrett WAM with a BarrettHand is: lengths, masses, motors, limits, shapes, read from
-config/wam.yaml.
+"""What an arm with its hand is: lengths, masses, motors, limits, shapes. A Barrett WAM with a
+BarrettHand is read from config/wam.yaml, every other arm from its URDF (`_described_arm`).
 
 Everything that needs a number of the arm takes it from here: the URDF, the analytic model, the
 limits and the occlusion model.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cache
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from dart_skill.common import flight
-from dart_skill.common.configuration import load_yaml
+from dart_skill.common.quaternions import product
 from dart_skill.common.world import World, the_world
 
 
@@ -45,8 +45,9 @@ class Joint:
         Names of the joint and of the links that it connects.
     xyz
         Origin in the frame of the parent (3,) [m].
-    roll
-        Turn of the frame about the parent's x axis [rad].
+    rpy
+        Turn of the frame in that of the parent (3,): about its fixed axes x, y and z, in this
+        order [rad].
     lower, upper
         Ends of its range [rad].
     peak_torque
@@ -61,13 +62,39 @@ class Joint:
     parent: str
     child: str
     xyz: np.ndarray
-    roll: float
+    rpy: np.ndarray
     lower: float
     upper: float
     peak_torque: float
     no_load_speed: float
     coulomb_friction: float
     viscous_friction: float
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """The turn `rpy` (3, 3)."""
+        return rotation_of(self.rpy)
+
+
+def rotation_of(rpy: np.ndarray) -> np.ndarray:
+    """Rotation (3, 3) about the fixed axes x, y and z by three angles (3,) [rad], in this order.
+    Quarter turns are exact.
+    """
+    (cr, cp, cy), (sr, sp, sy) = np.round([np.cos(rpy), np.sin(rpy)], 15)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def quaternion_of(rpy: np.ndarray) -> np.ndarray:
+    """Quaternion (4,) of the same turns as `rotation_of`."""
+    (sr, sp, sy), (cr, cp, cy) = np.sin(rpy / 2), np.cos(rpy / 2)
+    about_x, about_y, about_z = [sr, 0.0, 0.0, cr], [0.0, sp, 0.0, cp], [0.0, 0.0, sy, cy]
+    return product(np.array(about_z), product(np.array(about_y), np.array(about_x)))
 
 
 @dataclass(frozen=True)
@@ -82,23 +109,20 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Hand:
-    """The BarrettHand, closed on a ball, as one body in the frame bhand_base.
+    """The hand, closed on a ball, as one body in its own frame, out of which z points.
 
     Parameters
     ----------
+    link
+        Name of its frame.
     inertial
         Its mass, centre of mass and inertia.
-    palm_height
-        Of the palm above the mounting face [m].
-    palm_radius
-        Of the palm [m].
     ball_centre
         Of a held ball (3,) [m].
     """
 
+    link: str
     inertial: Inertial
-    palm_height: float
-    palm_radius: float
     ball_centre: np.ndarray
 
 
@@ -109,35 +133,45 @@ class Motors:
     Parameters
     ----------
     joint_to_motor
-        (7, 7), motor angle = joint_to_motor @ joint angle.
+        (n, n), motor angle = joint_to_motor @ joint angle.
     rotor_inertia
-        (7,) [kg m^2].
-    torque_constant
-        (7,) [N m/A].
-    resistance
-        (7,) [ohm].
+        (n,) [kg m^2].
+    stall_torque
+        Of a motor at standstill and full voltage (n,) [N m].
     no_load_speed
-        (7,) at the voltage of the bus [rad/s].
-    bus_voltage
-        [V].
+        (n,) at the full voltage [rad/s].
     """
 
     joint_to_motor: np.ndarray
     rotor_inertia: np.ndarray
-    torque_constant: np.ndarray
-    resistance: np.ndarray
+    stall_torque: np.ndarray
     no_load_speed: np.ndarray
-    bus_voltage: float
 
     @property
     def reflected_inertia(self) -> np.ndarray:
-        """Rotor inertia as the joints feel it, N' J N (7, 7) [kg m^2]."""
+        """Rotor inertia as the joints feel it, N' J N (n, n) [kg m^2]."""
         return self.joint_to_motor.T @ np.diag(self.rotor_inertia) @ self.joint_to_motor
 
-    @property
-    def stall_torque(self) -> np.ndarray:
-        """Motor torque at standstill and full bus voltage (7,) [N m]."""
-        return self.torque_constant * self.bus_voltage / self.resistance
+
+@dataclass(frozen=True)
+class ServoGains:
+    """Springs and dampers of the joints between motions, and along those that are fed forward.
+
+    Parameters
+    ----------
+    stiffness, damping
+        That hold a posture (n,) [N m/rad], [N m s/rad].
+    limit
+        Of their torque (n,) [N m].
+    following_stiffness, following_damping
+        Along a motion whose torques are fed forward (n,).
+    """
+
+    stiffness: np.ndarray
+    damping: np.ndarray
+    limit: np.ndarray
+    following_stiffness: np.ndarray
+    following_damping: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -181,72 +215,127 @@ class HeldBall:
 
 
 @dataclass(frozen=True)
-class WamDescription:
-    """All of config/wam.yaml, and the ball of config/world.yaml.
+class ArmSwing:
+    """A throw in the vertical plane in which m joints of the arm move the hand.
 
     Parameters
     ----------
+    joints
+        Indices of these joints (m,).
+    cocked, release
+        Their angles before the swing and at the release (m,) [rad].
+    rates
+        Their speeds at the release, for the fastest throw (m,) [rad/s].
+    rest
+        Angles of all joints (n,) [rad] with which the arm throws along the x axis of its base; the
+        first of them turns it about the vertical.
+    duration
+        From the start to the release [s].
+    """
+
+    joints: np.ndarray
+    cocked: np.ndarray
+    release: np.ndarray
+    rates: np.ndarray
+    rest: np.ndarray
+    duration: float
+
+
+@dataclass(frozen=True)
+class ArmDescription:
+    """An arm with n joints, and what its hand holds.
+
+    Parameters
+    ----------
+    name
+        Of the arm, as in config/arms/.
     mount_height
         Of the base above the floor [m].
     shoulder_height
         Of the shoulder above the base [m].
     gravity
         [m/s^2].
-    dh
-        (7, 3) of Denavit and Hartenberg: alpha [rad], a [m], d [m].
     joints
-        The seven joints, from the base to the hand.
-    tool_plate
-        (3,) origin of the mounting face in the frame of the last link [m].
-    links_urdf, links_dh
-        The links, in the frames of the URDF and in those of Denavit and Hartenberg.
+        From the base to the hand.
+    tool_plate, tool_rpy
+        Origin of the hand's frame in that of the last link (3,) [m], and how it is turned there
+        (3,), as `Joint.rpy` [rad].
+    links_urdf
+        The links, in the frames of their joints.
     hand
         The hand with a ball in it.
     motors
         Motors and transmission.
+    servo
+        Gains of the joints' servo.
+    elbow
+        Number of the joint, from 1 on, at whose origin the elbow is.
+    swinging
+        Whether a joint moves the hand in the vertical plane of a throw (n,).
+    knows_friction
+        Whether the friction of the joints was measured; what is assumed is not compensated.
+    reach
+        Distance from the shoulder to the hand's frame of the stretched arm [m].
     ball
         The ball that is thrown.
     capsules
         Shapes of the links that are seen, collide and hide what is behind them.
-    home
-        Joint angles of the home pose (7,) [rad].
+    postures
+        Joint angles (n,) [rad] of postures with names; `home` is one.
+    dh, links_dh
+        Of Denavit and Hartenberg (n, 3): alpha [rad], a [m], d [m]; and the links in these frames.
+        None: the model of the controller is made from `joints`, too.
     """
 
+    name: str
     mount_height: float
     shoulder_height: float
     gravity: float
-    dh: np.ndarray
     joints: tuple[Joint, ...]
     tool_plate: np.ndarray
     links_urdf: tuple[Inertial, ...]
-    links_dh: tuple[Inertial, ...]
     hand: Hand
     motors: Motors
+    servo: ServoGains
+    elbow: int
+    swinging: np.ndarray
+    reach: float
     ball: HeldBall
     capsules: tuple[Capsule, ...]
-    home: np.ndarray
+    postures: Mapping[str, np.ndarray]
+    knows_friction: bool = True
+    tool_rpy: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    dh: np.ndarray | None = None
+    links_dh: tuple[Inertial, ...] = ()
+
+    @property
+    def home(self) -> np.ndarray:
+        """Joint angles of the home pose (n,) [rad]."""
+        return self.postures["home"]
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @cached_property
+    def turns(self) -> np.ndarray:
+        """Quaternions (n, 4) of `Joint.rpy`."""
+        return np.array([quaternion_of(joint.rpy) for joint in self.joints])
 
     @property
     def shoulder(self) -> np.ndarray:
         """Centre of the shoulder in the world (3,) [m]."""
         return np.array([0.0, 0.0, self.mount_height + self.shoulder_height])
 
-    @property
-    def reach(self) -> float:
-        """Distance from the shoulder to the hand frame of the stretched arm [m]; the elbow is
-        offset from both its links.
-        """
-        (_, _, _), _, (_, offset, upper), (_, back, _), (_, _, fore), _, (_, _, wrist) = self.dh
-        return float(np.hypot(upper, offset) + np.hypot(fore, back) + wrist)
-
     def of_joints(self, field: str) -> np.ndarray:
-        """One field of all joints as an array (7,), for example "peak_torque"."""
+        """One field of all joints as an array (n,), for example "peak_torque"."""
         return np.array([getattr(joint, field) for joint in self.joints])
 
 
 def with_box(
-    description: WamDescription, mass: float, size: Sequence[float], centre: Sequence[float]
-) -> WamDescription:
+    description: ArmDescription, mass: float, size: Sequence[float], centre: Sequence[float]
+) -> ArmDescription:
     """The arm with a solid box as what its hand may hold: mass [kg], edges (3,) [m], its centre in
     the frame of the hand (3,) [m].
 
@@ -277,13 +366,7 @@ DART = HeldBall(
 """
 
 
-@cache
-def wam_description() -> WamDescription:
-    """The arm of config/wam.yaml."""
-    return parse_description(load_yaml("wam.yaml"))
-
-
-def parse_description(content: dict) -> WamDescription:
+def parse_description(content: dict) -> ArmDescription:
     """The description from the nested dictionaries of a wam.yaml.
 
     Raises
@@ -291,27 +374,48 @@ def parse_description(content: dict) -> WamDescription:
     KeyError
         Names what is missing.
     """
-    links = content["links"]
-    return WamDescription(
+    links, dh = content["links"], _dh(content["dh"])
+    return ArmDescription(
+        name="wam",
         mount_height=content["mount_height"],
         shoulder_height=content["shoulder_height"],
         gravity=content["gravity"],
-        dh=np.array(
-            [(row["alpha_quarter_turns"] * np.pi / 2, row["a"], row["d"]) for row in content["dh"]]
-        ),
+        dh=dh,
         joints=tuple(_joint(entry) for entry in content["joints"]),
         tool_plate=np.array(content["tool_plate"]["xyz"]),
         links_urdf=tuple(_inertial(link["mass"], link["urdf"]) for link in links),
         links_dh=tuple(_inertial(link["mass"], link["dh"]) for link in links),
         hand=_hand(content["hand"]),
         motors=_motors(content["transmission"], content["motors"]),
+        servo=ServoGains(**{name: np.array(row) for name, row in content["servo"].items()}),
+        elbow=content["elbow"],
+        swinging=np.isin(np.arange(len(links)) + 1, content["swing"]["joints"]),
+        reach=_reach(dh),
         ball=HeldBall.of(the_world()),
         capsules=tuple(
             Capsule(c["link"], np.array(c["from"]), np.array(c["to"]), c["radius"])
             for c in content["capsules"]
         ),
-        home=np.array(content["poses"]["home"]),
+        postures={name: np.array(row) for name, row in content["poses"].items()},
     )
+
+
+def parse_swing(entry: Mapping, n_joints: int) -> ArmSwing:
+    """How a person throws with an arm, from the entry `swing` of its file."""
+    cocked, release, rates = (np.array(entry[key]) for key in ("cocked", "release", "rates"))
+    rest = np.array(entry.get("rest", np.zeros(n_joints)), dtype=float)
+    joints, duration = np.array(entry["joints"]) - 1, float(entry["duration"])
+    return ArmSwing(joints, cocked, release, rates, rest, duration)
+
+
+def _dh(rows: list[dict]) -> np.ndarray:
+    return np.array([(row["alpha_quarter_turns"] * np.pi / 2, row["a"], row["d"]) for row in rows])
+
+
+def _reach(dh: np.ndarray) -> float:
+    """Of the stretched arm, whose elbow is offset from both its links."""
+    (_, _, _), _, (_, offset, upper), (_, back, _), (_, _, fore), _, (_, _, wrist) = dh
+    return float(np.hypot(upper, offset) + np.hypot(fore, back) + wrist)
 
 
 def symmetric(entries: list[float]) -> np.ndarray:
@@ -328,22 +432,24 @@ def _joint(entry: dict) -> Joint:
     fields = {
         key: value for key, value in entry.items() if key not in ("xyz", "roll_quarter_turns")
     }
-    return Joint(
-        xyz=np.array(entry["xyz"]), roll=entry["roll_quarter_turns"] * np.pi / 2, **fields
-    )
+    rpy = np.array([entry["roll_quarter_turns"] * np.pi / 2, 0.0, 0.0])
+    return Joint(xyz=np.array(entry["xyz"]), rpy=rpy, **fields)
 
 
 def _hand(entry: dict) -> Hand:
     inertial = _inertial(entry["mass"], entry)
     return Hand(
-        inertial, entry["palm_height"], entry["palm_radius"], np.array(entry["ball_centre"])
+        "bhand_base",
+        inertial,
+        np.array(entry["ball_centre"]),
     )
 
 
 def _motors(transmission: dict, motors: dict) -> Motors:
-    arrays = {
-        key: np.array(value)
-        for key, value in {**transmission, **motors}.items()
-        if key != "bus_voltage"
-    }
-    return Motors(bus_voltage=motors["bus_voltage"], **arrays)
+    constant, resistance = np.array(motors["torque_constant"]), np.array(motors["resistance"])
+    return Motors(
+        np.array(transmission["joint_to_motor"]),
+        np.array(transmission["rotor_inertia"]),
+        constant * motors["bus_voltage"] / resistance,
+        np.array(motors["no_load_speed"]),
+    )

@@ -70,8 +70,5 @@ cdef class JointSpring:
 @cython.locals(j=Py_ssize_t, later=double[::1], faster=double[::1])
 cpdef coasted(const double[:] q, const double[:] qd, const double[:] qdd, double step)
 
-@cython.locals(j=Py_ssize_t, free=double[::1])
-cpdef with_swing(const double[:] posture, const double[:] q)
-
 @cython.locals(i=Py_ssize_t, force=double, moment=double, shortened=double[::1])
 cpdef cut(const double[:] wrench, double most_force, double most_moment)

@@ -15,7 +15,6 @@ import numpy as np
 import scipy
 
 from dart_skill.arm._arm_terms import ArmTerms
-from dart_skill.common.constants import N_JOINTS
 from dart_skill.common.small_matrices import factor_into, solve_into
 
 
@@ -111,18 +110,15 @@ class Drive:
             null_damping,
             least_mobility,
         )
-        self._lower, self._halved = np.zeros((N_JOINTS, N_JOINTS)), np.zeros((6, N_JOINTS))
+        n = len(coulomb)
+        self._lower, self._halved = np.zeros((n, n)), np.zeros((6, n))
         self._mobility, self._directions, self._mobile = (
             np.zeros((6, 6)),
             np.zeros((6, 6)),
             np.zeros(6),
         )
         self._wanted, self._disturbing, self._wrench = np.zeros(6), np.zeros(6), np.zeros(6)
-        self._free, self._null, self._total = (
-            np.zeros(N_JOINTS),
-            np.zeros(N_JOINTS),
-            np.zeros(N_JOINTS),
-        )
+        self._free, self._null, self._total = np.zeros(n), np.zeros(n), np.zeros(n)
 
     def add_pull(
         self,
@@ -175,7 +171,7 @@ class Drive:
         arm without friction then has.
         """
         self._shape(terms, acceleration, posture)
-        accelerated = np.empty(N_JOINTS)
+        accelerated = np.empty(self._free.shape[0])
         solve_into(self._lower, self._total, accelerated)
         return np.array(self._wanted), self._torque(terms, 0.0), accelerated
 
@@ -183,7 +179,7 @@ class Drive:
         """Torque (7,) beside the wrench; friction of joints at rest as they are driven (1), or as
         of joints that move (0).
         """
-        result = np.empty(N_JOINTS)
+        result = np.empty(self._free.shape[0])
         torque = result
         for j in range(self._free.shape[0]):
             friction = self._friction(j, terms.qd[j], driven * self._total[j])
@@ -194,7 +190,7 @@ class Drive:
         """Friction (7,) [N m] that is compensated at speeds qd (7,) [rad/s] of joints that torques
         drive (7,) [N m].
         """
-        result = np.empty(N_JOINTS)
+        result = np.empty(self._free.shape[0])
         torque = result
         for j in range(self._free.shape[0]):
             torque[j] = self._friction(j, qd[j], drive[j])
@@ -211,7 +207,7 @@ class Drive:
         if acceleration.shape[0] != 6 or posture.shape[0] != self._free.shape[0]:
             raise ValueError(
                 f"acceleration has shape {np.shape(acceleration)} and posture {np.shape(posture)},"
-                f" not (6,) and ({N_JOINTS},)"
+                f" not (6,) and ({self._free.shape[0]},)"
             )
         terms.find_inertia()
         terms.find_coriolis()
@@ -298,7 +294,7 @@ class JointSpring:
         self, q: np.ndarray, qd: np.ndarray, q_wanted: np.ndarray, qd_wanted: np.ndarray
     ) -> np.ndarray:
         """Torque (7,) [N m] from angles and speeds towards others, (7,) each."""
-        result = np.empty(N_JOINTS)
+        result = np.empty(self._limit.shape[0])
         torque = result
         for j in range(self._limit.shape[0]):
             torque[j] = self._at(j, q_wanted[j] - q[j], qd_wanted[j] - qd[j])
@@ -306,7 +302,7 @@ class JointSpring:
 
     def damp(self, qd: np.ndarray) -> np.ndarray:
         """Torque (7,) [N m] against speeds (7,), of twice the damping, within twice the limits."""
-        result = np.empty(N_JOINTS)
+        result = np.empty(self._limit.shape[0])
         torque = result
         for j in range(self._limit.shape[0]):
             torque[j] = min(
@@ -340,7 +336,7 @@ class JointSpring:
         shortest
             Time constant [s]; where the torques do not suffice it is longer.
         """
-        result, longest = np.empty(N_JOINTS), shortest
+        result, longest = np.empty(self._limit.shape[0]), shortest
         torque = result
         for j in range(self._limit.shape[0]):
             longest = max(longest, abs(needed[j]) / (2.0 * self._limit[j]))
@@ -362,31 +358,12 @@ def coasted(
     q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, step: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Angles and speeds (7,) a step [s] later, at constant acceleration."""
-    angles, speeds = np.empty(N_JOINTS), np.empty(N_JOINTS)
+    angles, speeds = np.empty(q.shape[0]), np.empty(q.shape[0])
     later, faster = angles, speeds
     for j in range(q.shape[0]):
         later[j] = q[j] + step * qd[j] + 0.5 * step * step * qdd[j]
         faster[j] = qd[j] + step * qdd[j]
     return angles, speeds
-
-
-def with_swing(posture: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """A posture (7,) in which the joints that swing, J2, J4 and J6, are where they are in q (7,).
-
-    Raises
-    ------
-    ValueError
-        For other shapes.
-    """
-    if posture.shape[0] != q.shape[0]:
-        raise ValueError(
-            f"a posture of shape {np.shape(posture)} is none of an arm with {N_JOINTS} joints"
-        )
-    result = np.empty(N_JOINTS)
-    free = result
-    for j in range(q.shape[0]):
-        free[j] = q[j] if j % 2 else posture[j]
-    return result
 
 
 def cut(wrench: np.ndarray, most_force: float, most_moment: float) -> np.ndarray:

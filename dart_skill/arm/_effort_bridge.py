@@ -17,11 +17,12 @@ from enum import Enum
 import numpy as np
 
 from dart_skill.arm._command import ArmState, Command, all_finite
-from dart_skill.arm._description import WamDescription
+from dart_skill.arm._description import ArmDescription
 from dart_skill.arm._model import ArmModel
 from dart_skill.arm._safety import SafetyLimits, SafetyModule
+from dart_skill.common.arm_choice import joint_count
 from dart_skill.common.checks import as_number, as_vector
-from dart_skill.common.constants import N_JOINTS, Grip
+from dart_skill.common.constants import Grip
 
 LONGEST_STEP = 0.01
 """Longest time whose change of an effort is made at once [s]."""
@@ -74,9 +75,11 @@ class BridgeSettings:
 
     def __post_init__(self) -> None:
         for name in ("torque_limit", "torque_rate", "damping", "damping_limit"):
-            value = as_vector(getattr(self, name), name, N_JOINTS)
+            value = as_vector(getattr(self, name), name, joint_count())
             if not np.all(value > 0.0):
-                raise ValueError(f"{name} is {value.tolist()}: give {N_JOINTS} positive numbers")
+                raise ValueError(
+                    f"{name} is {value.tolist()}: give {joint_count()} positive numbers"
+                )
             object.__setattr__(self, name, value)
         for name in ("command_timeout", "state_timeout"):
             object.__setattr__(self, name, as_number(getattr(self, name), name))
@@ -99,7 +102,7 @@ class EffortBridge:
         How many efforts were cut to the limit of a joint.
     """
 
-    def __init__(self, settings: BridgeSettings, description: WamDescription | None = None):
+    def __init__(self, settings: BridgeSettings, description: ArmDescription | None = None):
         self.settings = settings
         self.phase, self.message, self.clipped = BridgePhase.WAITING, "no state of the arm yet", 0
         self._model = ArmModel(description)
@@ -108,7 +111,7 @@ class EffortBridge:
         self._state_at = self._command_at = 0.0
         self._command: Command | None = None
         self._publishers = 1
-        self._effort = self._before = np.zeros(N_JOINTS)  # now, and at the state before
+        self._effort = self._before = np.zeros(joint_count())  # now, and at the state before
         self._step = 0.0
 
     def on_publishers(self, count: int) -> None:
@@ -153,7 +156,7 @@ class EffortBridge:
         """The efforts (7,) [N m] for a state and the command that was there before it; those of
         its own command: `efforts`.
         """
-        if state.position.shape != (N_JOINTS,) or not (
+        if state.position.shape != (joint_count(),) or not (
             all_finite(state.position) and all_finite(state.velocity)
         ):
             self.stop(
@@ -177,7 +180,9 @@ class EffortBridge:
         a state.
         """
         return (
-            np.zeros(N_JOINTS) if self._state is None else self._limited(self._wanted(self._state))
+            np.zeros(joint_count())
+            if self._state is None
+            else self._limited(self._wanted(self._state))
         )
 
     def tick(self, now: float) -> np.ndarray | None:
@@ -246,7 +251,10 @@ class EffortBridge:
         elif silent > limits.command_timeout:
             self.stop(f"no command for {silent:.3f} s: is the commander running?")
         elif fault := self._safety.look(
-            self._state.position, self._state.velocity, np.zeros(N_JOINTS), self._command.speed
+            self._state.position,
+            self._state.velocity,
+            np.zeros(joint_count()),
+            self._command.speed,
         ):
             self.stop(fault)
 
@@ -256,7 +264,7 @@ class EffortBridge:
         gravity = (
             self._model.gravity_torque(state.position)
             if limits.gravity_compensation
-            else np.zeros(N_JOINTS)
+            else np.zeros(joint_count())
         )
         if command is None:
             return gravity + np.clip(
@@ -274,7 +282,7 @@ class EffortBridge:
         """
         self._advance(LONGEST_STEP)
         if self._state is None or not self.settings.gravity_compensation:
-            return self._limited(np.zeros(N_JOINTS))
+            return self._limited(np.zeros(joint_count()))
         return self._limited(self._model.gravity_torque(self._state.position))
 
     def _advance(self, step: float) -> None:

@@ -6,13 +6,13 @@ import numpy as np
 
 from dart_skill.arm._command import ArmState
 from dart_skill.arm._contact import Yielding
-from dart_skill.arm._description import WamDescription
-from dart_skill.arm._drive import coasted, cut, with_swing
+from dart_skill.arm._description import ArmDescription
+from dart_skill.arm._drive import coasted, cut
 from dart_skill.arm._guide import Guidance
 from dart_skill.arm._impedance import Impedance, JointServo, PoseGains
 from dart_skill.arm._model import ArmModel
 from dart_skill.arm._plan_checks import CommanderSettings
-from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.arm_choice import joint_count
 
 
 class HandPull:
@@ -29,9 +29,10 @@ class HandPull:
     """
 
     def __init__(
-        self, settings: CommanderSettings, description: WamDescription, servo: JointServo
+        self, settings: CommanderSettings, description: ArmDescription, servo: JointServo
     ):
         self._settings, self._servo = settings, servo
+        self._swinging = description.swinging
         self._arms = {
             carries: Impedance(
                 ArmModel(description, ball_in_hand=carries), settings.friction_compensation
@@ -43,7 +44,7 @@ class HandPull:
             (settings.tracking_stiffness_rotation, settings.tracking_damping_rotation),
         )
         self._second_pull = self._tracking if settings.tracking == "hand" else None
-        self.begin(np.zeros(N_JOINTS))
+        self.begin(np.zeros(joint_count()))
 
     def begin(self, posture: np.ndarray) -> None:
         """Another motion begins.
@@ -55,7 +56,7 @@ class HandPull:
         """
         self._posture = posture
         self._expected: tuple[np.ndarray, np.ndarray, np.ndarray, float] | None = None
-        self._taken_out = np.zeros(N_JOINTS)  # by the torques of a careful motion
+        self._taken_out = np.zeros(joint_count())  # by the torques of a careful motion
 
     def at(
         self, state: ArmState, now: Guidance, time: float, careful: bool
@@ -101,7 +102,7 @@ class HandPull:
         jacobian = model.jacobian(position)[:3]
         if self._settings.tracking == "joints":
             # their dampers pull little, and late speeds in what is wanted would make the arm swing
-            return Yielding(jacobian / self._servo.FOLLOWING.stiffness @ jacobian.T, 0.0)
+            return Yielding(jacobian / self._servo.gains.following_stiffness @ jacobian.T, 0.0)
         mobility = jacobian @ np.linalg.solve(model.mass_matrix(position), jacobian.T)
         stiffness, damping = _of_position(gains.stiffness), _of_position(gains.damping)
         if self._second_pull is not None and not touches:
@@ -114,7 +115,8 @@ class HandPull:
         """What the free motion of the arm aims at (7,): the posture of the start, or of the plan,
         but for the joints that swing.
         """
-        return with_swing(self._posture if now.posture is None else now.posture, position)
+        posture = self._posture if now.posture is None else now.posture
+        return np.where(self._swinging, position, posture)
 
     def _follow(
         self, state: ArmState, now: Guidance, time: float, careful: bool
@@ -125,7 +127,7 @@ class HandPull:
         The law acts on the model, where nothing is late or noisy; of the arm's own sensors only
         the joints' servo lives.
         """
-        arm, q, qd = self._arms[now.carries], state.position.copy(), np.zeros(N_JOINTS)
+        arm, q, qd = self._arms[now.carries], state.position.copy(), np.zeros(joint_count())
         if self._expected is not None:  # else the motion begins at rest where the arm is
             q, qd, qdd, then = self._expected
             q, qd = coasted(q, qd, qdd, time - then)

@@ -12,7 +12,6 @@ import numpy as np
 
 from dart_skill.arm._drive import Drive, JointSpring, turn
 from dart_skill.arm._model import ArmModel, HandState
-from dart_skill.common.constants import N_JOINTS
 
 LENGTHS = np.array([1.0, 1.0, 1.0, 0.18, 0.18, 0.18])
 """Metres that a metre, or a radian, of the hand's motion counts for when directions are compared:
@@ -24,10 +23,8 @@ WEAK = 0.1
 """Torque from which the direction of the drive tells that of the friction, in parts of the Coulomb
 friction.
 """
-NO_TORQUE = np.zeros(N_JOINTS)
-"""Torque of joints that are not driven [N m]."""
-NO_SPEED = np.zeros(N_JOINTS)
-"""Speed of joints that rest [rad/s]."""
+NO_FRICTION = 1e-9
+"""Torque that tells the direction of the friction of a joint that has none [N m]."""
 AT_REST = np.zeros(6)
 """Velocity of an attractor [m/s, rad/s]."""
 
@@ -111,19 +108,20 @@ class Impedance:
             model.description.of_joints("coulomb_friction"),
             model.description.of_joints("viscous_friction"),
         )
+        share = friction_compensation if model.description.knows_friction else 0.0
         self._drive = Drive(
-            LENGTHS, friction_compensation * coulomb, friction_compensation * viscous, weak_drive * coulomb, SLOW, null_stiffness,
-            null_damping, least_mobility,
+            LENGTHS, share * coulomb, share * viscous, np.maximum(weak_drive * coulomb, NO_FRICTION),
+            SLOW, null_stiffness, null_damping, least_mobility,
         )  # fmt: skip
 
-    def friction_torque(self, qd: np.ndarray, drive: np.ndarray = NO_TORQUE) -> np.ndarray:
+    def friction_torque(self, qd: np.ndarray, drive: np.ndarray | None = None) -> np.ndarray:
         """The share of joint friction that is compensated (7,) [N m]; smooth through zero speed.
 
         Where a joint stands still, the torque (7,) [N m] that drives it stands in for its speed:
         friction holds up just that. Without, the rolls of upper arm and forearm stick or slip with
         the distance of the basket, and the ball goes up to 2 cm to one side or the other.
         """
-        return self._drive.friction(qd, drive)
+        return self._drive.friction(qd, np.zeros(len(qd)) if drive is None else drive)
 
     def pulled(
         self,
@@ -216,21 +214,14 @@ class JointServo:
     """Joint-space spring-damper with the model's inertia fed forward: moves and holds the arm
     between throws.
 
-    PoseGains and torque limits are those of Barrett's own position controller (libbarrett,
-    wam7w.conf; docs/sources.md).
+    Attribute: gains, those of the arm's description.
+
+    Parameters
+    ----------
+    impedance
+        With the model of the arm.
     """
 
-    STIFFNESS = np.array([900.0, 2500.0, 600.0, 500.0, 50.0, 50.0, 8.0])
-    DAMPING = np.array([10.0, 20.0, 5.0, 2.0, 0.5, 0.5, 0.05])
-    LIMIT = np.array([25.0, 20.0, 15.0, 15.0, 5.0, 5.0, 5.0])
-    FOLLOWING = PoseGains(
-        np.array([360.0, 250.0, 120.0, 50.0, 7.5, 10.0, 1.6]),
-        np.array([10.0, 10.0, 3.5, 2.0, 0.25, 0.35, 0.05]),
-    )
-    """Gains of fed forward motions [N m/rad], [N m s/rad]: parts of the vendor's gains that leave
-    a modulus margin of 0.25 with cables of half the stiffness of config/fleet.yaml, speeds behind
-    a low-pass of 180 rad/s and a delay of a period: docs/fleet.md.
-    """
     TAKES_OUT = 0.5
     """Rate at which what is left of the distance to a careful motion is taken out [1/s]. The
     modulus margin is 0.21 with it; at 3 1/s nothing would be left of it.
@@ -242,8 +233,9 @@ class JointServo:
 
     def __init__(self, impedance: Impedance):
         self._impedance = impedance
-        self._holding = JointSpring(self.STIFFNESS, self.DAMPING, self.LIMIT)
-        self._following = JointSpring(self.FOLLOWING.stiffness, self.FOLLOWING.damping, self.LIMIT)
+        self.gains = g = impedance.model.description.servo
+        self._holding = JointSpring(g.stiffness, g.damping, g.limit)
+        self._following = JointSpring(g.following_stiffness, g.following_damping, g.limit)
 
     def torque(
         self,
@@ -263,7 +255,7 @@ class JointServo:
 
     def hold(self, q: np.ndarray, qd: np.ndarray, posture: np.ndarray) -> np.ndarray:
         """Joint torque (7,) [N m] towards a posture at rest, gravity excluded."""
-        return self._holding.torque(q, qd, posture, NO_SPEED)
+        return self._holding.torque(q, qd, posture, np.zeros(len(q)))
 
     def follow(
         self, q: np.ndarray, qd: np.ndarray, q_expected: np.ndarray, qd_expected: np.ndarray
@@ -278,8 +270,9 @@ class JointServo:
         soft joints leave of errors of gravity and friction. Only for careful motions: in the half
         second of a throw it would not help, and it would push against a person.
         """
-        more = torque + self.TAKES_OUT * step * self.FOLLOWING.stiffness * (q_expected - q)
-        return np.minimum(np.maximum(more, -self.SHARE * self.LIMIT), self.SHARE * self.LIMIT)
+        stiffness, most = self.gains.following_stiffness, self.SHARE * self.gains.limit
+        more = torque + self.TAKES_OUT * step * stiffness * (q_expected - q)
+        return np.minimum(np.maximum(more, -most), most)
 
     def damp(self, qd: np.ndarray) -> np.ndarray:
         """Torque (7,) [N m] that brings an arm to a damped stop; the arm must report its speeds

@@ -1,9 +1,9 @@
-"""The controller's model of the arm: kinematics and dynamics by Pinocchio, built from the DH
-table.
+"""The controller's model of the arm: kinematics and dynamics by Pinocchio.
 
-It shares numbers with the URDF but no code and no frames: a mistake in either shows up as a
-tracking error. Frames: joint i's frame is the URDF's link frame; `hand` is bhand_base (DH frame
-7); positions are in the world, whose origin is on the floor below the base axis.
+That of the WAM is built from its DH table: it shares numbers with the URDF but no code and no
+frames, and a mistake in either shows up as a tracking error. Other arms have a URDF only. Frames:
+joint i's frame is the URDF's link frame; `hand` is the frame of the hand; positions are in the
+world, whose origin is on the floor below the base axis.
 """
 
 from __future__ import annotations
@@ -13,17 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from dart_skill.arm._arm_terms import ArmTerms
-from dart_skill.arm._description import WamDescription, wam_description
-from dart_skill.common.constants import N_JOINTS
+from dart_skill.arm._description import ArmDescription, Inertial, rotation_of
+from dart_skill.arm._the_arm import the_arm
 from dart_skill.common.extras import Absent
 
 try:
     import pinocchio as pin
 except ModuleNotFoundError as error:  # not needed by a program that makes no model of the arm
     pin = Absent(error)
-
-BELOW = np.tri(N_JOINTS, k=-1, dtype=bool)
-"""Entries of an inertia that Pinocchio does not fill."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +50,8 @@ class ArmModel:
     All methods take joint angles (7,) [rad] and velocities (7,) [rad/s].
     """
 
-    def __init__(self, description: WamDescription | None = None, ball_in_hand: bool = False):
-        self.description = description or wam_description()
+    def __init__(self, description: ArmDescription | None = None, ball_in_hand: bool = False):
+        self.description = description or the_arm()
         self._model, self._hand = _build(self.description, ball_in_hand)
         self._data = self._model.createData()
         self._reflected = self.description.motors.reflected_inertia
@@ -67,9 +64,8 @@ class ArmModel:
         Without velocities, what depends on them is left out.
         """
         if self._terms is None:
-            self._terms = ArmTerms(
-                pin, self._model, self._model.frames[self._hand].placement, self._reflected
-            )
+            hand, elbow = self._model.frames[self._hand].placement, self.description.elbow
+            self._terms = ArmTerms(pin, self._model, hand, self._reflected, elbow)
         self._terms.take(q, qd)
         return self._terms
 
@@ -106,7 +102,7 @@ class ArmModel:
 
     def jacobian_drift(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Acceleration of the hand frame at zero joint acceleration, dJ/dt qd (6,)."""
-        pin.forwardKinematics(self._model, self._data, q, qd, np.zeros(N_JOINTS))
+        pin.forwardKinematics(self._model, self._data, q, qd, np.zeros(len(q)))
         return pin.getFrameClassicalAcceleration(
             self._model, self._data, self._hand, pin.LOCAL_WORLD_ALIGNED
         ).vector
@@ -126,7 +122,8 @@ class ArmModel:
         otherwise.
         """
         upper = pin.crba(self._model, self._data, q)
-        inertia = np.where(BELOW, upper.T, upper)  # Pinocchio fills the upper triangle only
+        # Pinocchio fills the upper triangle only
+        inertia = np.where(np.tri(len(upper), k=-1, dtype=bool), upper.T, upper)
         return inertia + self._reflected if rotors else inertia
 
     def gravity_torque(self, q: np.ndarray) -> np.ndarray:
@@ -135,26 +132,21 @@ class ArmModel:
 
     def coriolis_torque(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Coriolis and centrifugal torque (7,) [N m]."""
-        return pin.rnea(self._model, self._data, q, qd, np.zeros(N_JOINTS)) - self.gravity_torque(
-            q
-        )
+        still = np.zeros(len(q))
+        return pin.rnea(self._model, self._data, q, qd, still) - self.gravity_torque(q)
 
 
-def _build(description: WamDescription, ball_in_hand: bool) -> tuple[pin.Model, int]:
+def _build(description: ArmDescription, ball_in_hand: bool) -> tuple[pin.Model, int]:
     model = pin.Model()
     model.gravity.linear = np.array([0.0, 0.0, -description.gravity])
-    parent, placement = (
-        0,
-        pin.SE3(np.eye(3), description.shoulder),
-    )
-    for (alpha, a, d), joint, inertial in zip(
-        description.dh, description.joints, description.links_dh, strict=True
+    parent = 0
+    for joint, (before, inertial, at) in zip(
+        description.joints, _segments(description), strict=True
     ):
-        parent = model.addJoint(parent, pin.JointModelRZ(), placement, joint.name)
-        placement = _distal(alpha, a, d)
-        model.appendBodyToJoint(
-            parent, pin.Inertia(inertial.mass, inertial.centre, inertial.inertia), placement
-        )
+        parent = model.addJoint(parent, pin.JointModelRZ(), before, joint.name)
+        body = pin.Inertia(inertial.mass, inertial.centre, inertial.inertia)
+        model.appendBodyToJoint(parent, body, at)
+    placement = _hand(description)
     hand = description.hand.inertial
     model.appendBodyToJoint(parent, pin.Inertia(hand.mass, hand.centre, hand.inertia), placement)
     if ball_in_hand:
@@ -164,6 +156,30 @@ def _build(description: WamDescription, ball_in_hand: bool) -> tuple[pin.Model, 
     # With a parent frame, the universe: pin 2.7, the newest wheel for numpy 1.26, knows no other
     # way.
     return model, model.addFrame(pin.Frame("hand", parent, 0, placement, pin.FrameType.OP_FRAME))
+
+
+def _segments(description: ArmDescription) -> list[tuple[pin.SE3, Inertial, pin.SE3]]:
+    """Of each joint: its frame in that of the joint before, its link, and the frame of that in the
+    frame of the joint.
+    """
+    if description.dh is None:
+        below = pin.SE3(np.eye(3), np.array([0.0, 0.0, description.mount_height]))
+        frames = [pin.SE3(joint.rotation, joint.xyz) for joint in description.joints]
+        frames[0] = below * frames[0]
+        return [
+            (frame, inertial, pin.SE3.Identity())
+            for frame, inertial in zip(frames, description.links_urdf, strict=True)
+        ]
+    distal = [_distal(*row) for row in description.dh]
+    frames = [pin.SE3(np.eye(3), description.shoulder), *distal[:-1]]
+    return list(zip(frames, description.links_dh, distal, strict=True))
+
+
+def _hand(description: ArmDescription) -> pin.SE3:
+    """The frame of the hand in that of the last joint."""
+    if description.dh is None:
+        return pin.SE3(rotation_of(description.tool_rpy), description.tool_plate)
+    return _distal(*description.dh[-1])
 
 
 def _distal(alpha: float, a: float, d: float) -> pin.SE3:

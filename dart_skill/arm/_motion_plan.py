@@ -12,7 +12,8 @@ import numpy as np
 
 from dart_skill.arm._command import Speed
 from dart_skill.arm._registration import Registration
-from dart_skill.common.constants import N_JOINTS, Grip
+from dart_skill.common.arm_choice import joint_count
+from dart_skill.common.constants import Grip
 from dart_skill.common.pace import PhaseRule
 from dart_skill.common.quaternions import rotate
 
@@ -266,9 +267,9 @@ class MotionPlan:
         shapes = {
             "attractor_position": (n, 3),
             "attractor_quaternion": (n, 4),
-            "start_posture": (N_JOINTS,),
+            "start_posture": (joint_count(),),
         }
-        shapes |= {} if self.posture is None else {"posture": (n, N_JOINTS)}
+        shapes |= {} if self.posture is None else {"posture": (n, joint_count())}
         check_shapes("plan", self, shapes)
         check_unit("plan.attractor_quaternion", self.attractor_quaternion)
         rows = {} if self.pace is None else {"pace.gain": self.pace.gain}

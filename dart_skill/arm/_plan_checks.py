@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from dart_skill.arm._command import Speed
-from dart_skill.arm._description import WamDescription
+from dart_skill.arm._description import ArmDescription
 from dart_skill.arm._impedance import rotation_error
 from dart_skill.arm._model import ArmModel
 from dart_skill.arm._motion_plan import MotionPlan
@@ -149,7 +149,7 @@ def agreed(
     return own
 
 
-def check_plan(plan: MotionPlan, settings: CommanderSettings, description: WamDescription) -> None:
+def check_plan(plan: MotionPlan, settings: CommanderSettings, description: ArmDescription) -> None:
     """PlanRefused, with the value and the limit, if the plan leaves the joints' range or the
     hand's speed limit.
     """
@@ -180,7 +180,7 @@ def check_plan(plan: MotionPlan, settings: CommanderSettings, description: WamDe
         )
 
 
-def stretched(plan: MotionPlan, description: WamDescription) -> str:
+def stretched(plan: MotionPlan, description: ArmDescription) -> str:
     """How far a plan, as the arm has it, goes beyond what it can follow with a bent elbow, in
     words; empty if it does not.
     """

@@ -64,14 +64,8 @@ def pointing_region(
         If there is none.
     """
     plane = swing_plane(arm, points_along=True)
-    lower, upper = arm.lower[plane.joints] + MARGIN, arm.upper[plane.joints] - MARGIN
-    distances = np.arange(STEP, _longest(plane), STEP)
-    reached = np.zeros(len(distances), dtype=bool)
-    for side in (1.0, -1.0):
-        places = np.column_stack([side * distances, np.full(len(distances), height)])
-        angles, near = postures(plane, places, np.array([side, 1.0]) * direction)
-        above = lower + np.mod(angles - lower, 2.0 * np.pi)
-        reached |= near & (above <= upper).all(axis=2).any(axis=0)
+    distances, angles, fits = _pointing(arm, plane, height, direction)
+    reached = fits.any(axis=0)
     if not reached.any():
         raise ValueError(
             f"arm {arm.name}: the hand points there nowhere at a height of {height:.2f} m"
@@ -79,6 +73,55 @@ def pointing_region(
     edges = np.flatnonzero(np.diff(np.concatenate([[False], reached, [False]])))
     begin, end = max(edges.reshape(-1, 2), key=lambda ends: ends[1] - ends[0])
     return float(distances[begin]), float(distances[end - 1])
+
+
+def _pointing(
+    arm: UrdfArm, plane: SwingPlane, height: float, direction: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Distances (k,) [m] that are tried, the angles of the chain there on either side of the base,
+    with the elbow on either side (4, k, m) [rad], and whether the joints allow them (4, k).
+    """
+    lower, upper = arm.lower[plane.joints] + MARGIN, arm.upper[plane.joints] - MARGIN
+    distances = np.arange(STEP, _longest(plane), STEP)
+    found, fits = [], []
+    for side in (1.0, -1.0):
+        places = np.column_stack([side * distances, np.full(len(distances), height)])
+        angles, near = postures(plane, places, np.array([side, 1.0]) * direction)
+        # the turn nearest to the middle of the range
+        middle = 0.5 * (lower + upper)
+        angles = middle + np.mod(angles - middle + np.pi, 2.0 * np.pi) - np.pi
+        found.append(angles)
+        fits.append(near & ((angles >= lower) & (angles <= upper)).all(axis=2))
+    return distances, np.concatenate(found), np.concatenate(fits)
+
+
+def pointing_posture(arm: UrdfArm, height: float) -> np.ndarray:
+    """Angles of all joints (n,) [rad] with which the hand, at a height above the base [m], points
+    straight down, in the middle of where it can: rather before the base than behind it, and far
+    from the ends of the joints' ranges.
+
+    Raises
+    ------
+    ValueError
+        If there are none.
+    """
+    plane = swing_plane(arm, points_along=True)
+    distances, angles, fits = _pointing(arm, plane, arm.mount_height + height, (0.0, -1.0))
+    if not fits.any():
+        raise ValueError(
+            f"arm {arm.name}: its hand points down nowhere {height:.2f} m above its base; give a"
+            " posture `home` in its file"
+        )
+    middle = int(np.abs(distances - distances[fits.any(axis=0)].mean()).argmin())
+    lower, upper = arm.lower[plane.joints], arm.upper[plane.joints]
+
+    def merit(row: int) -> tuple[bool, float]:
+        posture = angles[row, middle]
+        before = arm.hand(plane.whole(posture[None])[0]).translation[0] > 0.0
+        return bool(before), float(np.minimum(posture - lower, upper - posture).min())
+
+    best = max(np.flatnonzero(fits[:, middle]), key=merit)
+    return plane.whole(angles[best, middle][None])[0]
 
 
 def _longest(plane: SwingPlane) -> float:

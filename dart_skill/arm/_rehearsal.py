@@ -8,10 +8,10 @@ import numpy as np
 
 from dart_skill.arm._command import ArmState, Speed
 from dart_skill.arm._commander import Commander, Mode
-from dart_skill.arm._description import WamDescription
+from dart_skill.arm._description import ArmDescription
 from dart_skill.arm._model import ArmModel
 from dart_skill.arm._motion_plan import Gains, HandPath, MotionPlan
-from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.arm_choice import joint_count
 from dart_skill.common.quaternions import of_matrices
 
 DURATION = 0.1
@@ -22,7 +22,7 @@ MOST_STATES = 500
 """After so many states a rehearsal is over, whatever the commander does."""
 
 
-def still_plan(description: WamDescription, speed: Speed = Speed.CAREFUL) -> MotionPlan:
+def still_plan(description: ArmDescription, speed: Speed = Speed.CAREFUL) -> MotionPlan:
     """A plan of a hand that stays where it is, with all joints in the middle of their ranges.
 
     Parameters
@@ -59,7 +59,7 @@ def rehearse(commander: Commander, plan: MotionPlan) -> list[Mode]:
     modes: list[Mode] = []
     commander.execute(plan)
     for k in range(MOST_STATES):
-        commander.step(ArmState(k * STEP_NS, plan.start_posture, np.zeros(N_JOINTS)))
+        commander.step(ArmState(k * STEP_NS, plan.start_posture, np.zeros(joint_count())))
         if commander.mode not in modes:
             modes.append(commander.mode)
         if not commander.executing:

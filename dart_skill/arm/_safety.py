@@ -15,9 +15,10 @@ import numpy as np
 
 from dart_skill.arm._arm_terms import ArmTerms
 from dart_skill.arm._command import Command, Speed
-from dart_skill.arm._description import WamDescription, wam_description
+from dart_skill.arm._description import ArmDescription
 from dart_skill.arm._joint_checks import Levels
 from dart_skill.arm._model import ArmModel
+from dart_skill.arm._the_arm import the_arm
 from dart_skill.common.checks import as_number, as_vector
 from dart_skill.common.configuration import limit_parameters
 
@@ -115,10 +116,10 @@ class SafetyModule:
     def __init__(
         self,
         limits: SafetyLimits,
-        description: WamDescription | None = None,
+        description: ArmDescription | None = None,
         patience: float = 1.0,
     ):
-        description = description or wam_description()
+        description = description or the_arm()
         self._limits, self._patience = limits, patience
         self._model = ArmModel(description)
         lower, upper = description.of_joints("lower"), description.of_joints("upper")

@@ -19,9 +19,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dart_skill.arm._description import ArmSwing
 from dart_skill.arm._swing_plane import MARGIN, SwingPlane, swing_plane
-from dart_skill.arm._urdf_arm import UrdfArm
+from dart_skill.arm._urdf_arm import UrdfArm, load_arm
 from dart_skill.common.constants import GRAVITY
+from dart_skill.common.world import the_world
 
 SWINGS = (0.3, 0.4, 0.5, 0.7)
 """Times that a swing may take [s]."""
@@ -33,6 +35,12 @@ NARROWS = 0.5
 """Each of these is so much narrower than the one before."""
 INSTANTS = 21
 """Number of instants of a swing at which torques are looked at."""
+WAYPOINTS = 5
+"""Number of instants of swing and follow-through, each, at which the hand must be clear."""
+CLEAR = 0.25
+"""Distance that the hand keeps from the axis of the base, below the shoulder, and above it [m]."""
+FOLLOW_THROUGH = 0.45
+"""Time in which a person brings the arm to rest after the release [s]."""
 NOTHING = 1e-9
 """A joint that moves the hand aside by less does not [m/rad]."""
 
@@ -113,13 +121,24 @@ def fastest(
 
 
 def throwing_bound(
-    arm: UrdfArm, rim: float, angle: float = 0.25 * np.pi, seed: int = 0
+    arm: UrdfArm,
+    rim: float,
+    angle: float = 0.25 * np.pi,
+    seed: int = 0,
+    follow_through: float = 0.0,
+    side: float | None = None,
 ) -> ThrowingBound:
     """The farthest throw of an arm into a rim at a height [m] above the floor, at an angle above the
     horizontal [rad].
 
     Parameters
     ----------
+    follow_through
+        Time in which the joints come to rest after the release, within their ranges [s]; then the
+        hand keeps away from the base, too.
+    side
+        Largest azimuth to either side at which the arm shall throw [rad]; None: it does not matter
+        where it throws.
     seed
         Of the postures that are tried.
 
@@ -135,10 +154,18 @@ def throwing_bound(
         for side in (1.0, -1.0)
         if (
             bound := _best(
-                arm, plane, rim, np.array([side * np.cos(angle), np.sin(angle)]), swing, rng
+                arm,
+                plane,
+                rim,
+                np.array([side * np.cos(angle), np.sin(angle)]),
+                (swing, follow_through),
+                rng,
             )
         )
     ]
+    if side is not None:
+        low, high = arm.lower[0] + side, arm.upper[0] - side
+        found = [one for one in found if low <= one.plane.rest[0] + _turn(arm, one) <= high]
     if not found:
         raise ValueError(
             f"arm {arm.name}: no posture throws at {np.degrees(angle):.0f} degrees to a height of"
@@ -147,15 +174,40 @@ def throwing_bound(
     return max(found, key=lambda bound: bound.distance)
 
 
+def widest_swing(name: str) -> ArmSwing:
+    """The swing of the farthest throw of an arm of config/arms/ to where baskets stand.
+
+    Raises
+    ------
+    ValueError
+        If it throws nowhere.
+    """
+    arm, world = load_arm(name), the_world()
+    bound = throwing_bound(arm, world.rim, follow_through=FOLLOW_THROUGH, side=world.side)
+    joints, rest = bound.plane.joints, bound.plane.rest.copy()
+    rest[0] += _turn(arm, bound)
+    start, release, rates = (row[joints] for row in (bound.start, bound.angles, bound.rates))
+    return ArmSwing(joints, start, release, rates, rest, bound.swing)
+
+
+def _turn(arm: UrdfArm, bound: ThrowingBound) -> float:
+    """By how much the first joint must turn the arm so that it throws along the x axis [rad]."""
+    hand = arm.hand(bound.angles).translation
+    # released behind the axis of the base, it throws over it
+    back = 0.0 if bound.release[0] > 0.0 else np.pi
+    return float(np.remainder(back - np.arctan2(hand[1], hand[0]) + np.pi, 2.0 * np.pi) - np.pi)
+
+
 def _best(
     arm: UrdfArm,
     plane: SwingPlane,
     rim: float,
     direction: np.ndarray,
-    swing: float,
+    times: tuple[float, float],
     rng: np.random.Generator,
 ) -> ThrowingBound | None:
-    """The farthest throw in one direction with one time of the swing."""
+    """The farthest throw in one direction with given times [s] of swing and follow-through."""
+    swing, follow = times
     lower, upper = arm.lower[plane.joints] + MARGIN, arm.upper[plane.joints] - MARGIN
     limits, best, farthest = arm.speeds[plane.joints], None, 0.0
     width, middle = upper - lower, 0.5 * (lower + upper)
@@ -164,14 +216,35 @@ def _best(
         speed, rates = fastest(plane.jacobian(angles), limits, direction)
         hand = plane.places(angles)[:, -1]
         distance = _distances(hand, speed, direction, rim)
-        starts = angles - 0.5 * swing * rates
-        within = ((starts >= lower) & (starts <= upper)).all(axis=1)
-        distance = np.where(within & (hand[:, 1] > arm.mount_height), distance, -np.inf)
+        starts, ends = angles - 0.5 * swing * rates, angles + 0.5 * follow * rates
+        within = ((np.minimum(starts, ends) >= lower) & (np.maximum(starts, ends) <= upper)).all(
+            axis=1
+        )
+        within &= hand[:, 1] > arm.mount_height
+        if follow:
+            within[within] = _keeps_clear(arm, plane, starts[within], angles[within], ends[within])
+        distance = np.where(within, distance, -np.inf)
         k = int(distance.argmax())
         if distance[k] > farthest:
             best, farthest, middle = (angles[k], rates[k]), float(distance[k]), angles[k]
         width = NARROWS * width
     return None if best is None else _bound(arm, plane, rim, direction, swing, *best)
+
+
+def _keeps_clear(
+    arm: UrdfArm, plane: SwingPlane, start: np.ndarray, release: np.ndarray, end: np.ndarray
+) -> np.ndarray:
+    """Whether the hand keeps away from the base, and above its height, all along swings (k,) from
+    rest to rest, whose angles at the ends and at the release are given (k, m).
+    """
+    share = np.linspace(0.0, 1.0, WAYPOINTS)[:, None, None]
+    way = np.concatenate(
+        [start + share**2 * (release - start), end - (1.0 - share) ** 2 * (end - release)]
+    )
+    hand = plane.places(way.reshape(-1, way.shape[-1]))[:, -1].reshape(len(way), -1, 2)
+    top = plane.first[1] + CLEAR
+    beside = (np.abs(hand[..., 0]) > CLEAR) | (hand[..., 1] > top)
+    return (beside & (hand[..., 1] > arm.mount_height)).all(axis=0)
 
 
 def _bound(

@@ -1,4 +1,4 @@
-"""The WAM as a URDF: written from the description, primitive shapes for what is seen and collides.
+"""The arm as a URDF: written from the description, primitive shapes for what is seen and collides.
 
 The transforms of /tf say where the links are: what robot_state_publisher computes from a URDF.
 """
@@ -9,17 +9,15 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from dart_skill.arm._description import Capsule, Inertial, Joint, WamDescription
-from dart_skill.common.constants import N_JOINTS
+from dart_skill.arm._description import ArmDescription, Capsule, Inertial, Joint, quaternion_of
+from dart_skill.common.quaternions import product
 
-HAND_LINK = "bhand_base"
-"""Link of the hand."""
 BALL_LINK = "held_ball"
 """Link of what the hand holds."""
 
 
 def write_urdf(
-    description: WamDescription, ball_in_hand: bool = False, shapes: bool = True
+    description: ArmDescription, ball_in_hand: bool = False, shapes: bool = True
 ) -> str:
     """The arm with its hand as URDF text.
 
@@ -27,16 +25,17 @@ def write_urdf(
     shapes=False leaves out visual and collision shapes. Every link has an inertial: PyBullet gives
     a link without one a mass of 1 kg.
     """
-    robot = ElementTree.Element("robot", name="wam")
-    _link(robot, "wam_base", _massless(), description, shapes)
+    robot, hand = ElementTree.Element("robot", name=description.name), description.hand
+    _link(robot, description.joints[0].parent, _massless(), description, shapes)
     for joint, inertial in zip(description.joints, description.links_urdf, strict=True):
         _revolute(robot, joint)
         _link(robot, joint.child, inertial, description, shapes)
-    _fixed(robot, "bhand_mount", description.joints[-1].child, HAND_LINK, description.tool_plate)
-    _link(robot, HAND_LINK, description.hand.inertial, description, shapes)
+    last, plate, rpy = description.joints[-1].child, description.tool_plate, description.tool_rpy
+    _fixed(robot, "hand_mount", last, hand.link, plate, rpy)
+    _link(robot, hand.link, hand.inertial, description, shapes)
     if ball_in_hand:
         ball = description.ball
-        _fixed(robot, "grip", HAND_LINK, BALL_LINK, description.hand.ball_centre)
+        _fixed(robot, "grip", hand.link, BALL_LINK, hand.ball_centre, np.zeros(3))
         _link(
             robot,
             BALL_LINK,
@@ -60,7 +59,7 @@ def _link(
     robot: ElementTree.Element,
     name: str,
     inertial: Inertial,
-    description: WamDescription,
+    description: ArmDescription,
     shapes: bool,
 ) -> None:
     link = ElementTree.SubElement(robot, "link", name=name)
@@ -125,9 +124,7 @@ def _revolute(robot: ElementTree.Element, joint: Joint) -> None:
     element = ElementTree.SubElement(robot, "joint", name=joint.name, type="revolute")
     ElementTree.SubElement(element, "parent", link=joint.parent)
     ElementTree.SubElement(element, "child", link=joint.child)
-    ElementTree.SubElement(
-        element, "origin", xyz=_text(joint.xyz), rpy=_text((joint.roll, 0.0, 0.0))
-    )
+    ElementTree.SubElement(element, "origin", xyz=_text(joint.xyz), rpy=_text(joint.rpy))
     ElementTree.SubElement(element, "axis", xyz="0 0 1")
     limits = {
         "lower": joint.lower,
@@ -145,12 +142,17 @@ def _revolute(robot: ElementTree.Element, joint: Joint) -> None:
 
 
 def _fixed(
-    robot: ElementTree.Element, name: str, parent: str, child: str, xyz: np.ndarray
+    robot: ElementTree.Element,
+    name: str,
+    parent: str,
+    child: str,
+    xyz: np.ndarray,
+    rpy: np.ndarray,
 ) -> None:
     element = ElementTree.SubElement(robot, "joint", name=name, type="fixed")
     ElementTree.SubElement(element, "parent", link=parent)
     ElementTree.SubElement(element, "child", link=child)
-    ElementTree.SubElement(element, "origin", xyz=_text(xyz), rpy="0 0 0")
+    ElementTree.SubElement(element, "origin", xyz=_text(xyz), rpy=_text(rpy))
 
 
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
@@ -167,20 +169,25 @@ class Transform:
     quaternion: np.ndarray
 
 
-def fixed_transforms(description: WamDescription, world: str = "world") -> list[Transform]:
+def fixed_transforms(description: ArmDescription, world: str = "world") -> list[Transform]:
     """Those that never change: the base in the world, and the hand on the last link."""
     joints = description.joints
     return [
         Transform(
             world, joints[0].parent, np.array([0.0, 0.0, description.mount_height]), UPRIGHT
         ),
-        Transform(joints[-1].child, HAND_LINK, description.tool_plate, UPRIGHT),
+        Transform(
+            joints[-1].child,
+            description.hand.link,
+            description.tool_plate,
+            quaternion_of(description.tool_rpy),
+        ),
     ]
 
 
-def joint_transforms(description: WamDescription, position: np.ndarray) -> list[Transform]:
-    """Those of the joints at angles `position` (7,) [rad]: a turn about the parent's x by the
-    joint's roll, then about z by the angle.
+def joint_transforms(description: ArmDescription, position: np.ndarray) -> list[Transform]:
+    """Those of the joints at angles `position` (n,) [rad]: the joint's `rpy` in the frame of its
+    parent, then a turn about z by the angle.
 
     Raises
     ------
@@ -188,15 +195,11 @@ def joint_transforms(description: WamDescription, position: np.ndarray) -> list[
         For angles of another number, or not finite.
     """
     position = np.asarray(position, dtype=float)
-    if position.shape != (N_JOINTS,) or not np.all(np.isfinite(position)):
-        raise ValueError(f"position = {position}: give {N_JOINTS} finite joint angles [rad]")
-    roll = description.of_joints("roll")
-    (sin_roll, cos_roll), (sin, cos) = (
-        (np.sin(angle / 2), np.cos(angle / 2)) for angle in (roll, position)
-    )
-    quaternion = np.stack(
-        [sin_roll * cos, -sin_roll * sin, cos_roll * sin, cos_roll * cos], axis=1
-    )
+    n = description.n_joints
+    if position.shape != (n,) or not np.all(np.isfinite(position)):
+        raise ValueError(f"position = {position}: give {n} finite joint angles [rad]")
+    sin, cos, none = np.sin(position / 2), np.cos(position / 2), np.zeros(n)
+    quaternion = product(description.turns, np.stack([none, none, sin, cos], axis=1))
     return [
         Transform(j.parent, j.child, j.xyz, q)
         for j, q in zip(description.joints, quaternion, strict=True)

@@ -18,13 +18,20 @@ from numpy.typing import ArrayLike
 
 from dart_skill.arm._description import parse_description
 from dart_skill.arm._urdf import write_urdf
-from dart_skill.common.configuration import check_number, config_path, read_yaml, ros_prefixes
+from dart_skill.common.configuration import (
+    arm_path,
+    check_number,
+    config_path,
+    read_yaml,
+    ros_prefixes,
+)
 from dart_skill.common.files import open_file
 
 TURNS = 2.0 * np.pi
 """End of the range of a joint without one, in either direction [rad]."""
 KNOWN = (
-    "about", "urdf", "install", "base", "tool", "grip", "mount_height", "velocity", "torque",
+    "about", "urdf", "install", "base", "tool", "joints", "grip", "mount_height", "velocity", "torque", "rotor_inertia", "servo",
+    "postures", "swing", "parameters",
 )  # fmt: skip
 """Entries of a file of config/arms/."""
 
@@ -41,8 +48,10 @@ class UrdfJoint:
         Ends of its range [rad].
     velocity, torque
         Largest speed [rad/s] and torque [N m]; nan where the URDF does not say.
-    friction
-        Whether the URDF says something of friction or damping.
+    friction, damping
+        Of the joint [N m], [N m s/rad]; 0 where the URDF does not say.
+    child
+        The link that it moves.
     """
 
     name: str
@@ -50,7 +59,9 @@ class UrdfJoint:
     upper: float
     velocity: float
     torque: float
-    friction: bool
+    friction: float
+    damping: float
+    child: str
 
 
 @dataclass(frozen=True)
@@ -71,6 +82,13 @@ class UrdfArm:
         Of the base above the floor [m].
     velocity_limits, torque_limits
         Limits by joint that count instead of those of the URDF [rad/s], [N m].
+    rotors
+        Inertia of the rotors as the joints feel it, by joint [kg m^2].
+    servo
+        Gains of the joints' servo that count instead of estimated ones (n,), by their names in
+        `ServoGains`.
+    postures
+        Joint angles by name (n,) [rad].
     """
 
     name: str
@@ -81,6 +99,9 @@ class UrdfArm:
     mount_height: float = 0.0
     velocity_limits: Mapping[str, float] = field(default_factory=dict)
     torque_limits: Mapping[str, float] = field(default_factory=dict)
+    rotors: Mapping[str, float] = field(default_factory=dict)
+    servo: Mapping[str, np.ndarray] = field(default_factory=dict)
+    postures: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check that base, tool and joints are there.
@@ -94,6 +115,7 @@ class UrdfArm:
         for what, limits in (
             ("velocity", self.velocity_limits),
             ("torque", self.torque_limits),
+            ("rotor_inertia", self.rotors),
         ):
             if unknown := [name for name in limits if name not in names]:
                 raise ValueError(
@@ -125,6 +147,16 @@ class UrdfArm:
     def torques(self) -> np.ndarray:
         """Largest torques of the joints (n,) [N m]."""
         return self._limits("torque")
+
+    @property
+    def knows_friction(self) -> bool:
+        """Whether the URDF says the friction of a joint."""
+        return any(joint.friction or joint.damping for joint in self.joints)
+
+    @property
+    def rotor_inertia(self) -> np.ndarray:
+        """Inertia of the rotors as the joints feel it (n,) [kg m^2]; 0 where nothing says it."""
+        return np.array([self.rotors.get(joint.name, 0.0) for joint in self.joints])
 
     def _limits(self, what: str) -> np.ndarray:
         given: Mapping[str, float] = getattr(self, f"{what}_limits")
@@ -178,8 +210,8 @@ class UrdfArm:
             (bool(silent) and not given, f"no {' and no '.join(silent)} of some joints: {limits}"),
             (bool(unlimited), f"no range of {', '.join(unlimited)}: two turns are assumed"),
             (
-                not any(joint.friction for joint in self.joints),
-                "no friction of any joint: none is compensated",
+                not self.knows_friction,
+                "no friction of any joint: none is compensated, and some is simulated",
             ),
             (
                 bool(self.weightless),
@@ -338,7 +370,7 @@ def urdf_ends(urdf: str, name: str) -> tuple[str, list[str]]:
 
 
 def _joint(joint: ElementTree.Element) -> UrdfJoint:
-    limit, dynamics = joint.find("limit"), joint.find("dynamics")
+    limit, dynamics, child = joint.find("limit"), joint.find("dynamics"), joint.find("child")
 
     def told(element: ElementTree.Element | None, key: str, otherwise: float) -> float:
         return otherwise if element is None else float(element.get(key, otherwise))
@@ -349,13 +381,10 @@ def _joint(joint: ElementTree.Element) -> UrdfJoint:
         *((lower, upper) if lower < upper else (-TURNS, TURNS)),
         told(limit, "velocity", np.nan),
         told(limit, "effort", np.nan),
-        told(dynamics, "damping", 0.0) > 0.0 or told(dynamics, "friction", 0.0) > 0.0,
+        told(dynamics, "friction", 0.0),
+        told(dynamics, "damping", 0.0),
+        "" if child is None else child.get("link", ""),
     )
-
-
-def arm_names() -> list[str]:
-    """Names of the arms in config/arms/."""
-    return sorted(path.stem for path in config_path("arms/wam.yaml").parent.glob("*.yaml"))
 
 
 def load_arm(name: str) -> UrdfArm:
@@ -371,12 +400,7 @@ def load_arm(name: str) -> UrdfArm:
     ValueError
         Names the file, the entry and the remedy.
     """
-    if not name.endswith(".yaml") and name not in arm_names():
-        raise ValueError(
-            f"no arm '{name}' in config/arms/: there are {', '.join(arm_names())}; give one of"
-            " them, or a file that `dart-skill arm import` wrote"
-        )
-    path = Path(name) if name.endswith(".yaml") else config_path(f"arms/{name}.yaml")
+    path = arm_path(name)
     content = read_yaml(path)
     if unknown := sorted(set(map(str, content)) - set(KNOWN)):
         raise ValueError(
@@ -389,11 +413,11 @@ def load_arm(name: str) -> UrdfArm:
     check_number(grip := content.get("grip", [0.0, 0.0, 0.0]), f"{path}: grip", -2.0, 2.0)
     if not isinstance(grip, list) or len(grip) != 3:
         raise ValueError(f"{path}: grip is {grip!r}; give three numbers [m]")
-    for key, most in (("velocity", 100.0), ("torque", 10000.0)):
+    for key, most in (("velocity", 100.0), ("torque", 10000.0), ("rotor_inertia", 100.0)):
         for joint, limit in (content.get(key) or {}).items():
-            check_number(limit, f"{path}: {key} of {joint}", 1e-3, most)
+            check_number(limit, f"{path}: {key} of {joint}", 1e-6, most)
     try:
-        return UrdfArm(
+        arm = UrdfArm(
             path.stem,
             read_urdf(content["urdf"], path.parent, content.get("install", "")),
             content["base"],
@@ -402,9 +426,36 @@ def load_arm(name: str) -> UrdfArm:
             float(height),
             dict(content.get("velocity") or {}),
             dict(content.get("torque") or {}),
+            dict(content.get("rotor_inertia") or {}),
+            {
+                name: np.array(row, dtype=float)
+                for name, row in (content.get("servo") or {}).items()
+            },
+            {
+                name: np.array(row, dtype=float)
+                for name, row in (content.get("postures") or {}).items()
+            },
         )
+        _check_rows(arm, content)
+        return arm
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
+
+
+def _check_rows(arm: UrdfArm, content: Mapping) -> None:
+    """ValueError if joints, gains or postures of a file do not fit the joints of the URDF."""
+    names = [joint.name for joint in arm.joints]
+    if "joints" in content and content["joints"] != names:
+        raise ValueError(
+            f"joints is {content['joints']}; from {arm.base} to {arm.tool} they are {names}"
+        )
+    for what, rows in (("servo", arm.servo), ("postures", arm.postures)):
+        for name, row in rows.items():
+            if row.shape != (len(names),) or not np.isfinite(row).all():
+                raise ValueError(
+                    f"{what}: {name} is {row.tolist()}; give {len(names)} finite numbers, one for"
+                    " each joint"
+                )
 
 
 def read_urdf(where: str, beside: Path = Path(), install: str = "") -> str:

@@ -19,6 +19,7 @@ from typing import NoReturn
 from dart_skill import __version__
 from dart_skill.cli import _completion, graph_verbs
 from dart_skill.cli.printable import in_a_line
+from dart_skill.common.configuration import ARM_VARIABLE, arm_names
 from dart_skill.common.extras import explained
 
 TAB = (
@@ -47,7 +48,7 @@ def main(arguments: list[str] | None = None) -> int:
             return _completion.answer(_parser())
         if arguments is None:
             atexit.register(_keep_status)  # before packages register what must be done earlier
-        words = sys.argv[1:] if arguments is None else arguments
+        words = _with_arm_chosen(sys.argv[1:] if arguments is None else arguments)
         parser = _parser(words)
         options, unknown = parser.parse_known_args(words)
         if unknown and not options.takes_anything:
@@ -71,6 +72,22 @@ def main(arguments: list[str] | None = None) -> int:
     except (ValueError, OSError) as error:
         print(f"dart-skill: {in_a_line(str(error) or type(error).__name__)}", file=sys.stderr)
         return 1
+
+
+def _with_arm_chosen(words: list[str]) -> list[str]:
+    """The words without an arm of config/arms/ that --arm names, which counts for this process and
+    all that it starts. What follows its name after a colon is an arm of config/fleet.yaml.
+    """
+    for k, word in enumerate(words):
+        option, equals, value = word.partition("=")
+        if option not in ("--arm", "--arms") or not (equals or k + 1 < len(words)):
+            continue
+        name, _, variant = (value if equals else words[k + 1]).partition(":")
+        if name in arm_names() or name.endswith(".yaml"):
+            os.environ[ARM_VARIABLE] = name
+            rest = words[k + 1 if equals else k + 2 :]
+            return [*words[:k], *([option, variant] if variant else []), *rest]
+    return words
 
 
 _stopped = threading.Event()

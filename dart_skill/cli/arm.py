@@ -82,7 +82,8 @@ def _add_reach(verbs: argparse._SubParsersAction) -> None:
 
 
 def _list(options: argparse.Namespace) -> int:
-    from dart_skill.arm import arm_names, load_arm
+    from dart_skill.arm import load_arm
+    from dart_skill.common.configuration import arm_names
 
     rows: dict[str, dict] = {}
     for name in arm_names():

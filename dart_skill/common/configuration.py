@@ -7,6 +7,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+ARM_VARIABLE = "DART_SKILL_ARM"
+"""Environment variable that names the arm, in place of config/world.yaml."""
 MOST_NESTED = 30
 """Depth of a YAML file at most: PyYAML's parser in C ends the process with a deep one."""
 
@@ -76,6 +78,43 @@ def _parsed(text: str) -> Any:
         raise ValueError(f"character {error.position + 1}: {error.reason}") from error
 
 
+def arm_name() -> str:
+    """Name of the arm, or path of its file, from the environment or from config/world.yaml."""
+    return os.environ.get(ARM_VARIABLE) or str(_section("world.yaml", "/**")["arm"])
+
+
+def arm_names() -> list[str]:
+    """Names of the arms in config/arms/."""
+    return sorted(path.stem for path in config_path("arms/wam.yaml").parent.glob("*.yaml"))
+
+
+def arm_path(name: str) -> Path:
+    """The file of an arm of config/arms/, or of a path that ends in .yaml.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    if not name.endswith(".yaml") and name not in arm_names():
+        raise ValueError(
+            f"no arm '{name}' in config/arms/: there are {', '.join(arm_names())}; give one of"
+            " them, or a file that `dart-skill arm import` wrote"
+        )
+    return Path(name) if name.endswith(".yaml") else config_path(f"arms/{name}.yaml")
+
+
+def _of_the_arm(name: str) -> dict:
+    """The parameters of a file of config/ that the file of the arm sets."""
+    path = arm_path(arm_name())
+    content = _read_once(path, path.stat().st_mtime_ns).get("parameters") or {}
+    if not (isinstance(content, dict) and all(isinstance(one, dict) for one in content.values())):
+        raise ValueError(
+            f"{path}: parameters is {content!r}; give names and values by the file of config/"
+        )
+    return content.get(Path(name).stem, {})
+
+
 def world_parameters() -> dict:
     """The entries of config/world.yaml by name, which are parameters of every node."""
     return _parameters("world.yaml", "/**")
@@ -103,6 +142,16 @@ def _parameters(name: str, section: str, described: str = "") -> dict:
     ValueError
         Names the file, the entry and what it must be, for one that is out of its range.
     """
+    path, values = config_path(name), {**_section(name, section), **_of_the_arm(name)}
+    rows = described_parameters().get(described) or {}
+    for key, row in rows.items():
+        if key in values and "range" in row:
+            check_number(values[key], f"{path}: {key}", *row["range"])
+    return values
+
+
+def _section(name: str, section: str) -> dict:
+    """The ros__parameters of a section as the file of config/ has them."""
     path = config_path(name)
     content = read_yaml(path)
     if section not in content:
@@ -113,10 +162,6 @@ def _parameters(name: str, section: str, described: str = "") -> dict:
         raise ValueError(
             f"{path}: '{section}' has no mapping 'ros__parameters' of names and values"
         )
-    rows = described_parameters().get(described) or {}
-    for key, row in rows.items():
-        if key in values and "range" in row:
-            check_number(values[key], f"{path}: {key}", *row["range"])
     return dict(values)
 
 
@@ -126,7 +171,7 @@ def described_parameters() -> dict:
     return _read_once(path, path.stat().st_mtime_ns)
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def _read_once(path: Path, _changed_ns: int) -> dict:
     """A YAML file as it was when it changed last."""
     return read_yaml(path)

@@ -6,12 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from functools import cache, lru_cache
+from functools import lru_cache
 
+from dart_skill.common.arm_choice import description_path, joint_names
 from dart_skill.common.configuration import (
     check_number,
     config_path,
-    load_yaml,
     world_parameters,
 )
 
@@ -35,6 +35,8 @@ class World:
 
     Parameters
     ----------
+    arm
+        Its name in config/arms/, or the path of its file.
     skill
         Its name.
     frame_id
@@ -66,6 +68,7 @@ class World:
         About any axis through its centre [kg m^2].
     """
 
+    arm: str
     skill: str
     frame_id: str
     hand_body: str
@@ -137,12 +140,6 @@ def _checked(entries: Mapping) -> Mapping:
     return entries
 
 
-@cache
-def joint_names() -> tuple[str, ...]:
-    """Names of the arm's joints, from the base to the hand, as config/wam.yaml has them."""
-    return tuple(joint["name"] for joint in load_yaml("wam.yaml")["joints"])
-
-
 @lru_cache(maxsize=64)
 def joint_order(names: tuple[str, ...], wanted: tuple[str, ...] = ()) -> list[int] | slice:
     """Where the arm's joints are among the names of a joint state, which may have more: indices,
@@ -153,7 +150,7 @@ def joint_order(names: tuple[str, ...], wanted: tuple[str, ...] = ()) -> list[in
     names
         Of the joint state.
     wanted
-        Names of the arm's joints, default those of config/wam.yaml.
+        Names of the arm's joints, default those of the arm of this process.
 
     Raises
     ------
@@ -166,9 +163,10 @@ def joint_order(names: tuple[str, ...], wanted: tuple[str, ...] = ()) -> list[in
     for name in wanted:
         if names.count(name) != 1:
             how = "is missing" if name not in names else "is named twice"
+            file = "/".join(description_path().parts[-2:])
             remedy = (
                 f"name the arm's joints {wanted[0]} to {wanted[-1]} in the driver, or put the"
-                " driver's names into config/wam.yaml"
+                f" driver's names into {file}"
             )
             raise ValueError(
                 f"joint {name} {how} among {', '.join(names) or 'no names'}: {remedy}"

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dart_skill.arm import MotionPlan, wam_description
+from dart_skill.arm import MotionPlan, the_arm
 from dart_skill.figures._style import (
     ATTRACTOR,
     BALL,
@@ -148,7 +148,7 @@ def _draw_side(axes: Axes, throw: ExecutedThrow, basket: Basket) -> None:
         return points[:, :2] @ forward, points[:, 2]
 
     # The floor, the stand with the base axis, and the shoulder.
-    shoulder = wam_description().shoulder[2]
+    shoulder = the_arm().shoulder[2]
     axes.axhline(0.0, color=LIGHT, linewidth=1.0, zorder=0)
     axes.plot(
         [0.0, 0.0],

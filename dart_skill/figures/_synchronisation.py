@@ -19,7 +19,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from dart_skill.arm import wam_description
+from dart_skill.arm import the_arm
 from dart_skill.figures._style import (
     BLACK,
     GREY,
@@ -181,7 +181,7 @@ def _motion(recordings: Sequence[HandRecording], d: Demonstration) -> Demonstrat
         d.hand_time,
         d.hand_position,
         d.hand_quaternion,
-        wam_description().hand.ball_centre,
+        the_arm().hand.ball_centre,
     )
     return DemonstratedMotion(
         name=d.id,

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from rosbags.typesys.store import Typestore
 
+from dart_skill.common.arm_choice import joint_count
 from dart_skill.common.checks import FARTHEST, as_place, check_samples, check_unit_quaternions
-from dart_skill.common.constants import HAND, N_JOINTS, Grip
+from dart_skill.common.constants import HAND, Grip
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.common.world import (
     DEMONSTRATION_TOPIC,
@@ -197,8 +198,8 @@ class Demonstration:
     skill: str = SKILL
     situation: Situation = field(default_factory=lambda: Situation({}))
     joint_time: np.ndarray = field(default_factory=_none())
-    joint_position: np.ndarray = field(default_factory=_none(N_JOINTS))
-    joint_velocity: np.ndarray = field(default_factory=_none(N_JOINTS))
+    joint_position: np.ndarray = field(default_factory=lambda: np.empty((0, joint_count())))
+    joint_velocity: np.ndarray = field(default_factory=lambda: np.empty((0, joint_count())))
     events: tuple[Event, ...] = ()
     motion_start: float = float("nan")
     motion_stop: float = float("nan")
@@ -223,10 +224,10 @@ class Demonstration:
         for role, pose in self.situation.poses.items():
             as_place(pose.position, f"{name}: the {role} of its situation")
         time, position = check_samples(
-            f"{name}, joints", self.joint_time, self.joint_position, least=0, width=N_JOINTS
+            f"{name}, joints", self.joint_time, self.joint_position, least=0, width=joint_count()
         )
         _, velocity = check_samples(
-            f"{name}, joint velocity", time, self.joint_velocity, least=0, width=N_JOINTS
+            f"{name}, joint velocity", time, self.joint_velocity, least=0, width=joint_count()
         )
         _freeze(self, joint_time=time, joint_position=position, joint_velocity=velocity)
         object.__setattr__(self, "stamp_ns", int(self.stamp_ns))
@@ -276,8 +277,8 @@ class Demonstration:
                 f"{name}: motion_stop {self.motion_stop} s lies before motion_start"
                 f" {self.motion_start} s"
             )
-        if len(self.joint_names) != N_JOINTS:
-            raise ValueError(f"{name}: {len(self.joint_names)} joint names, need {N_JOINTS}")
+        if len(self.joint_names) != joint_count():
+            raise ValueError(f"{name}: {len(self.joint_names)} joint names, need {joint_count()}")
 
     def track(self, role: str) -> Track:
         """Track of one body.
@@ -667,7 +668,7 @@ def arm_rows(states: Sequence[Any], field_name: str) -> np.ndarray:
     ValueError
         For a state of another length.
     """
-    return _rows([_of_arm(item.name, getattr(item, field_name)) for item in states], N_JOINTS)
+    return _rows([_of_arm(item.name, getattr(item, field_name)) for item in states], joint_count())
 
 
 def _vector(item: Any) -> list[float]:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from dart_skill.arm import ArmModel, Sightings, fit_positions, measure_registration, turn_angles
-from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.arm_choice import joint_count
 from dart_skill.common.quaternions import matrices, of_matrices
 from dart_skill.recording import BagReader
 from dart_skill.recording.imports import (
@@ -327,7 +327,7 @@ class _Search:
             recording.joints,
             told.bodies["hand"],
         )
-        told_joints, ones = told.joints, (1.0,) * N_JOINTS
+        told_joints, ones = told.joints, (1.0,) * joint_count()
         self._convention = JointConvention(
             told_joints.angle,
             signs=told_joints.signs or ones,
@@ -690,7 +690,7 @@ class _Search:
     # joints
 
     def _blame_joints(self, found: JointConvention) -> None:
-        told, numbers = self._convention, range(1, N_JOINTS + 1)
+        told, numbers = self._convention, range(1, joint_count() + 1)
         if found.angle != told.angle:
             name = {"deg": "degrees", "rad": "radians"}[found.angle]
             self._blame(f"the joints are in {name}", "joints", angle=found.angle)
@@ -730,7 +730,7 @@ class _Search:
             "columns": {
                 name: [found[k] for k in order]
                 for name, found in table.columns.items()
-                if len(found) == N_JOINTS
+                if len(found) == joint_count()
             }
         }
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from dart_skill.arm import wam_description
+from dart_skill.arm import the_arm
 from dart_skill.movement import Segment, VelocityThreshold
 from dart_skill.recording import Opening
 from dart_skill.recording.imports import ThrowRecording
@@ -121,7 +121,7 @@ def _release_in(recording: ThrowRecording, origin: int, motion: Segment) -> int 
     h, b = _between(hand.stamp_ns, first, last), _between(ball.stamp_ns, first, last + FLIGHT_NS)
     times = [1e-9 * (stream.stamp_ns[rows] - origin) for stream, rows in ((hand, h), (ball, b))]
     try:
-        grip = wam_description().hand.ball_centre
+        grip = the_arm().hand.ball_centre
         release = fit_release(
             times[1], ball.position[b], times[0], hand.position[h], hand.quaternion[h], grip
         )

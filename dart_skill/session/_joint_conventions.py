@@ -5,7 +5,7 @@ from other zeros.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import permutations, product
 
 import numpy as np
@@ -19,7 +19,7 @@ from dart_skill.arm import (
     similarity,
     turn_angles,
 )
-from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.arm_choice import joint_count
 from dart_skill.common.quaternions import matrices
 from dart_skill.recording.imports import ANGLE_UNITS, LENGTH_UNITS, QUATERNION_ORDERS
 
@@ -78,9 +78,9 @@ class JointConvention:
     """
 
     angle: str = "rad"
-    order: tuple[int, ...] = tuple(range(N_JOINTS))
-    signs: tuple[float, ...] = (1.0,) * N_JOINTS
-    zeros: tuple[float, ...] = (0.0,) * N_JOINTS
+    order: tuple[int, ...] = field(default_factory=lambda: tuple(range(joint_count())))
+    signs: tuple[float, ...] = field(default_factory=lambda: (1.0,) * joint_count())
+    zeros: tuple[float, ...] = field(default_factory=lambda: (0.0,) * joint_count())
 
     def joints(self, recorded: np.ndarray) -> np.ndarray:
         """Joints (..., 7) of the arm [rad] from recorded ones (..., 7)."""
@@ -298,13 +298,13 @@ class ConventionSearch:
             told,
             (
                 replace(told, order=tuple(told.order[k] for k in one))
-                for one in permutations(range(N_JOINTS))
+                for one in permutations(range(joint_count()))
             ),
         )
 
     def _other_signs(self, told: JointConvention) -> JointConvention:
         return self._closest(
-            told, (replace(told, signs=one) for one in product((1.0, -1.0), repeat=N_JOINTS))
+            told, (replace(told, signs=one) for one in product((1.0, -1.0), repeat=joint_count()))
         )
 
     def _closest(
@@ -342,7 +342,7 @@ class ConventionSearch:
                 ),
             )
 
-        inner = np.eye(N_JOINTS - 2)
+        inner = np.eye(joint_count() - 2)
         alone = [turn * axis for axis in inner for turn in np.arange(-np.pi, np.pi, GRID)]
         start = min(alone, key=lambda one: self.explain(moved(one), rounds=0).error)
 

@@ -11,12 +11,11 @@ import math
 
 import numpy as np
 
-from dart_skill.arm import WamDescription, fixed_transforms, wam_description
-from dart_skill.common.constants import N_JOINTS
+from dart_skill.arm import ArmDescription, fixed_transforms, rotation_of, the_arm
 
 
 class ArmGeometry:
-    """Frames in the world: that of a joint stands at `xyz`, rolled about x, in the frame before
+    """Frames in the world: that of a joint stands at `xyz`, turned by `rpy`, in the frame before
     it, and turns about its own z axis.
 
     Parameters
@@ -25,19 +24,21 @@ class ArmGeometry:
         Of the arm, default the WAM.
     """
 
-    def __init__(self, description: WamDescription | None = None):
-        description = description or wam_description()
+    def __init__(self, description: ArmDescription | None = None):
+        description = description or the_arm()
         base, hand = fixed_transforms(description)
         frames = [base.child, *(joint.child for joint in description.joints), hand.child]
         self._steps = np.array(
             [base.translation, *(joint.xyz for joint in description.joints), hand.translation]
         )
-        self._roll = np.array(
+        self._turns = np.array(
             [
-                (round(math.cos(joint.roll), 15), round(math.sin(joint.roll), 15))
-                for joint in description.joints
+                np.eye(3),
+                *(joint.rotation for joint in description.joints),
+                rotation_of(description.tool_rpy),
             ]
         )
+        self._turned = np.zeros((3, 3))
         self._frame_of = np.array(
             [frames.index(capsule.link) for capsule in description.capsules], dtype=np.intp
         )
@@ -57,8 +58,9 @@ class ArmGeometry:
             For angles of another number.
         """
         angles = np.asarray(position, dtype=float)
-        if angles.shape != (N_JOINTS,):
-            raise ValueError(f"position = {position}: give {N_JOINTS} joint angles [rad]")
+        n = len(self._steps) - 2
+        if angles.shape != (n,):
+            raise ValueError(f"position = {position}: give {n} joint angles [rad]")
         self._place_frames(angles, base_turn)
         return self._ends(), self._radii
 
@@ -103,17 +105,26 @@ class ArmGeometry:
         axes[0, 2, 2] = 1.0
         for k in range(1, n + 1):
             self._step_to(k)
+            self._turn_at(k)
             cosine, sine = math.cos(angles[k - 1]), math.sin(angles[k - 1])
-            level, tilted = self._roll[k - 1, 0], self._roll[k - 1, 1]
             for i in range(3):
-                rolled = level * axes[k - 1, i, 1] + tilted * axes[k - 1, i, 2]
-                axes[k, i, 0] = cosine * axes[k - 1, i, 0] + sine * rolled
-                axes[k, i, 1] = cosine * rolled - sine * axes[k - 1, i, 0]
-                axes[k, i, 2] = level * axes[k - 1, i, 2] - tilted * axes[k - 1, i, 1]
+                axes[k, i, 0] = cosine * self._turned[i, 0] + sine * self._turned[i, 1]
+                axes[k, i, 1] = cosine * self._turned[i, 1] - sine * self._turned[i, 0]
+                axes[k, i, 2] = self._turned[i, 2]
         self._step_to(n + 1)
+        self._turn_at(n + 1)
         for i in range(3):
             for j in range(3):
-                axes[n + 1, i, j] = axes[n, i, j]
+                axes[n + 1, i, j] = self._turned[i, j]
+
+    def _turn_at(self, k: int) -> None:
+        """The axes of a frame before its joint turns, from those of the frame before it."""
+        for i in range(3):
+            for j in range(3):
+                total = 0.0
+                for m in range(3):
+                    total += self._axes[k - 1, i, m] * self._turns[k, m, j]
+                self._turned[i, j] = total
 
     def _step_to(self, k: int) -> None:
         """The origin of a frame, from the frame before it."""

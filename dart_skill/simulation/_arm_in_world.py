@@ -14,29 +14,24 @@ import numpy as np
 from dart_skill.arm import (
     DART,
     Actuation,
+    ArmDescription,
     ArmState,
     Command,
     SafetyModule,
     Speed,
-    WamDescription,
-    wam_description,
+    the_arm,
     write_urdf,
 )
-from dart_skill.common.constants import N_JOINTS
 from dart_skill.simulation._bullet import (
-    ZEROS,
     ArmDynamics,
     BulletClient,
     connect,
     load_urdf,
     pybullet,
 )
-from dart_skill.simulation._joints import JOINTS, Joints
+from dart_skill.simulation._joints import Joints
 from dart_skill.simulation._plant_settings import PlantSettings
 from dart_skill.simulation._transmission import Encoders, Transmission
-
-HAND_LINK_INDEX = N_JOINTS
-"""Index of the link of the hand in PyBullet."""
 
 
 @dataclass(frozen=True)
@@ -52,14 +47,15 @@ class ArmInWorld:
     settings
         Of the arm, and the control period.
     description
-        Of the arm, default the WAM.
+        Of the arm, default that of this process.
     """
 
-    def __init__(self, settings: PlantSettings, description: WamDescription | None = None):
-        self.settings, self.description = settings, description or wam_description()
+    def __init__(self, settings: PlantSettings, description: ArmDescription | None = None):
+        self.settings, self.description = settings, description or the_arm()
         self._world, self._models = connect(), connect()
         self._commands: list[Command] = []
         self._stamp_ns = self._step_count = 0
+        self._hand_link = self.description.n_joints  # its index in PyBullet
         self._seen_hand: tuple[np.ndarray, np.ndarray] | None = None  # None until it is asked for
         self._build_arm()
 
@@ -95,7 +91,7 @@ class ArmInWorld:
         )
         self._loaded_arm = ArmDynamics(self._models, loaded, ball_in_hand=True)
 
-    def _as_built(self) -> WamDescription:
+    def _as_built(self) -> ArmDescription:
         """The description with the masses that the links really have."""
         links = [
             replace(link, mass=scale * link.mass, inertia=scale * link.inertia)
@@ -106,7 +102,7 @@ class ArmInWorld:
         return replace(self.description, links_urdf=tuple(links))
 
     @property
-    def description_of_load(self) -> WamDescription:
+    def description_of_load(self) -> ArmDescription:
         """The arm with what its user knows to be in its hand: a ball, or a dart where there is a
         board.
         """
@@ -129,8 +125,11 @@ class ArmInWorld:
         self._arm = _load_arm(
             world, self._urdf, self.description.mount_height, self.settings.base_turn
         )
-        world.setJointMotorControlArray(self._arm, JOINTS, pybullet.VELOCITY_CONTROL, forces=ZEROS)
-        for joint, angle in zip(JOINTS, self.settings.start_posture, strict=True):
+        joints = list(range(self.description.n_joints))
+        world.setJointMotorControlArray(
+            self._arm, joints, pybullet.VELOCITY_CONTROL, forces=[0.0] * len(joints)
+        )
+        for joint, angle in zip(joints, self.settings.start_posture, strict=True):
             world.resetJointState(self._arm, joint, angle, 0.0)
         _keep_apart(world, self._arm, _floor(world))
 
@@ -175,7 +174,7 @@ class ArmInWorld:
     def _hand(self) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) and quaternion (4,) of the hand's frame."""
         if self._seen_hand is None:
-            hand = self._world.getLinkState(self._arm, HAND_LINK_INDEX, computeForwardKinematics=1)
+            hand = self._world.getLinkState(self._arm, self._hand_link, computeForwardKinematics=1)
             self._seen_hand = np.array(hand[4]), np.array(hand[5])
         return self._seen_hand
 

@@ -12,13 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.arm import WamDescription, write_urdf
-from dart_skill.common.constants import N_JOINTS
+from dart_skill.arm import ArmDescription, write_urdf
 from dart_skill.common.extras import Absent
 from dart_skill.simulation._arm_geometry import ArmGeometry
-
-ZEROS = [0.0] * N_JOINTS
-"""Nothing, for each joint."""
 
 
 @contextmanager
@@ -100,14 +96,15 @@ class ArmDynamics:
     """
 
     def __init__(
-        self, client: BulletClient, description: WamDescription, ball_in_hand: bool = False
+        self, client: BulletClient, description: ArmDescription, ball_in_hand: bool = False
     ):
         self._client, self.geometry = client, ArmGeometry(description)
         self._body = load_urdf(client, write_urdf(description, ball_in_hand, False), [0, 0, 0])
+        self._still = [0.0] * description.n_joints
 
     def gravity_torque(self, position: np.ndarray) -> np.ndarray:
         """Torque that holds the arm (7,) [N m] at angles (7,) [rad]."""
-        return self._torque(position.tolist(), ZEROS)
+        return self._torque(position.tolist(), [0.0] * len(position))
 
     def terms(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mass matrix (7, 7) [kg m^2], and the torque at zero acceleration (7,) [N m].
@@ -124,4 +121,6 @@ class ArmDynamics:
         )
 
     def _torque(self, angles: list[float], speeds: list[float]) -> np.ndarray:
-        return np.array(self._client.calculateInverseDynamics(self._body, angles, speeds, ZEROS))
+        return np.array(
+            self._client.calculateInverseDynamics(self._body, angles, speeds, self._still)
+        )

@@ -12,15 +12,16 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dart_skill.arm import ready_posture
 from dart_skill.simulation._bullet import BulletClient
 from dart_skill.simulation._guiding import smooth
 from dart_skill.simulation._plant import LooseState, Plant, PlantState
 from dart_skill.simulation._plant_settings import PlantSettings
 from dart_skill.simulation._workbench import Pose
 
-START_POSTURE = (0.0, 0.3, 0.0, 2.2, 0.0, 1.0, 0.0)
-"""Posture beside a belt [rad]. The hand is tilted by 0.4 rad: with the palm straight down the
-wrist is straight above some cups.
+HAND_AT, HAND_TURN = (0.40, 0.0, 1.43), (0.0, -2.7832, 0.0)
+"""Pose of a hand beside a belt, for arms without a posture `belt`: place [m] and rotation vector
+[rad]. It is tilted by 0.36 rad.
 """
 WAY = ("way_x", "way_y", "way_z")
 """Numbers of a situation that say how far the cup goes [m]."""
@@ -126,6 +127,10 @@ class Belt:
         return cls(**own)
 
 
+def _start() -> tuple[float, ...]:
+    return ready_posture("belt", HAND_AT, HAND_TURN)
+
+
 class Conveyor(Plant):
     """The arm beside a belt. `reset` begins a way of the cup, with an empty hand."""
 
@@ -133,11 +138,11 @@ class Conveyor(Plant):
 
     def __init__(self, settings: PlantSettings | None = None, seed: int = 0):
         self._belt = Belt()
-        super().__init__(replace(settings or PlantSettings(), start_posture=START_POSTURE), seed)
+        super().__init__(replace(settings or PlantSettings(), start_posture=_start()), seed)
 
     def change(self, settings: PlantSettings) -> None:
         """See `Plant`; the posture beside the belt stays."""
-        super().change(replace(settings, start_posture=START_POSTURE))
+        super().change(replace(settings, start_posture=_start()))
 
     def set_up(
         self, poses: Mapping[str, Pose], numbers: Mapping[str, float] | None = None

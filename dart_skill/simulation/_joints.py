@@ -15,13 +15,9 @@ from typing import Any
 import numpy as np
 
 from dart_skill.arm import Actuation, Command, SafetyModule
-from dart_skill.common.constants import N_JOINTS
 from dart_skill.simulation._bullet import ArmDynamics, BulletClient, pybullet
 from dart_skill.simulation._plant_settings import PlantSettings
 from dart_skill.simulation._transmission import Encoders, Transmission
-
-JOINTS = list(range(N_JOINTS))
-"""Indices of the joints in PyBullet."""
 
 
 class Joints:
@@ -79,7 +75,8 @@ class Joints:
             The arm with what its cables carry.
         """
         self._world, self._arm = world, arm
-        self.effort = np.zeros(N_JOINTS)
+        self._indices = list(range(len(start)))
+        self.effort = np.zeros(len(start))
         self._encoders.reset()
         if self._safety is not None:
             self._safety.reset()
@@ -89,7 +86,7 @@ class Joints:
 
     def read(self) -> None:
         """Where the joints are now, and how fast."""
-        states = self._world.getJointStates(self._arm, JOINTS)
+        states = self._world.getJointStates(self._arm, self._indices)
         self.position, self.velocity = np.array([state[:2] for state in states]).T.copy()
         motors: Any = self if self._transmission is None else self._transmission
         self.seen_position, self.seen_velocity = self._encoders.read(
@@ -117,7 +114,7 @@ class Joints:
         if (pull := self._nominal.geometry.in_joints(seen, wrench)) is not None:
             asked = asked + pull
         motors = self.velocity if self._transmission is None else self._transmission.velocity
-        watched = np.zeros(N_JOINTS) if brakes else asked
+        watched = np.zeros(len(asked)) if brakes else asked
         if self._safety is not None and self._safety.look(
             seen, self.seen_velocity, watched, command.speed
         ):
@@ -136,7 +133,7 @@ class Joints:
             )
         self._world.setJointMotorControlArray(
             self._arm,
-            JOINTS,
+            self._indices,
             pybullet.TORQUE_CONTROL,
             forces=(inertia @ acceleration + bias).tolist(),
         )

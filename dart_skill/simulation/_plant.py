@@ -12,17 +12,17 @@ from typing import NamedTuple
 import numpy as np
 
 from dart_skill.arm import (
+    ArmDescription,
     ArmState,
     Command,
     Grip,
     HeldBall,
-    WamDescription,
     check_command,
     check_push,
 )
 from dart_skill.common.constants import AIR_DENSITY
 from dart_skill.common.quaternions import rotate
-from dart_skill.simulation._arm_in_world import HAND_LINK_INDEX, ArmInWorld, small_box, unseen
+from dart_skill.simulation._arm_in_world import ArmInWorld, small_box, unseen
 from dart_skill.simulation._bullet import BulletClient, connect, load_urdf, pybullet
 from dart_skill.simulation._plant_settings import Board, PlantSettings, basket_urdf
 
@@ -105,7 +105,7 @@ class Plant(ArmInWorld):
         self,
         settings: PlantSettings | None = None,
         seed: int = 0,
-        description: WamDescription | None = None,
+        description: ArmDescription | None = None,
     ):
         super().__init__(settings or PlantSettings(), description)
         self._seed, self._episode = seed, 0
@@ -368,13 +368,13 @@ class Plant(ArmInWorld):
             self._set_touchable(True)
 
     def _set_touchable(self, touchable: bool) -> None:
-        for link in range(4, HAND_LINK_INDEX + 1):
+        for link in range(self.description.elbow, self._hand_link + 1):
             self._world.setCollisionFilterPair(self._ball, self._arm, -1, link, int(touchable))
         self._touchable = touchable
 
     def _fill_hand(self) -> None:
         """An episode begins with the ball in the hand."""
-        hand = self._world.getLinkState(self._arm, HAND_LINK_INDEX, computeForwardKinematics=1)
+        hand = self._world.getLinkState(self._arm, self._hand_link, computeForwardKinematics=1)
         centre = self.description.hand.ball_centre
         if self.settings.seat_spread:
             centre = centre + self.settings.seat_spread * self._scatter.standard_normal(3)
@@ -383,7 +383,7 @@ class Plant(ArmInWorld):
         offset, turn = in_principal_axes(hand, centre)
         self._held = self._world.createConstraint(
             self._arm,
-            HAND_LINK_INDEX,
+            self._hand_link,
             self._ball,
             -1,
             pybullet.JOINT_FIXED,

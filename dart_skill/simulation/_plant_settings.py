@@ -5,7 +5,7 @@ the face of the dart board sticks there, seen by the cameras like a ball is.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 from xml.etree import ElementTree
@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from dart_skill.arm import SafetyLimits
-from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.arm_choice import joint_count
 from dart_skill.common.surface import BOARD_DIAMETER, BoardFace
 from dart_skill.common.world import the_world
 
@@ -21,6 +21,17 @@ OF_EACH_JOINT = ("start_posture", "mass_scale", "joint_stiffness", "joint_offset
 """Settings with a number for each joint."""
 NO_PARAMETERS = ("step_ns", "reset_ns", "hand_clearance", "basket", "board", "limits")
 """Settings that are no parameters of the simulator of that name."""
+
+
+def _of_all(values: Iterable[float]) -> tuple[float, ...]:
+    """A number for every joint of the arm; one stands for all of them."""
+    told = tuple(float(value) for value in values)
+    return told * joint_count() if len(told) == 1 else told
+
+
+def each_joint(value: float) -> Any:
+    """A field of a dataclass that is the same number for every joint of the arm."""
+    return field(default_factory=lambda: (value,) * joint_count())
 
 
 @dataclass(frozen=True)
@@ -207,7 +218,7 @@ class PlantSettings:
 
     step_ns: int = 2_000_000
     reset_ns: int = 1_000_000_000
-    start_posture: tuple[float, ...] = (0.0,) * N_JOINTS
+    start_posture: tuple[float, ...] = each_joint(0.0)
     gravity_error: float = 0.05
     friction_scale: float = 1.0
     motor_scale: float = 1.0
@@ -218,10 +229,10 @@ class PlantSettings:
     basket: Basket = Basket()
     ball_mass_scale: float = 1.0
     ball_drag_scale: float = 1.0
-    mass_scale: tuple[float, ...] = (1.0,) * N_JOINTS
+    mass_scale: tuple[float, ...] = each_joint(1.0)
     stiction: float = 0.0
-    joint_stiffness: tuple[float, ...] = (0.0,) * N_JOINTS
-    joint_offset: tuple[float, ...] = (0.0,) * N_JOINTS
+    joint_stiffness: tuple[float, ...] = each_joint(0.0)
+    joint_offset: tuple[float, ...] = each_joint(0.0)
     encoder_step: float = 0.0
     speed_filter: float = 0.0
     command_delay: int = 0
@@ -253,7 +264,7 @@ class PlantSettings:
         own: dict[str, Any] = {
             one.name: parameters[one.name] for one in fields(cls) if one.name not in NO_PARAMETERS
         }
-        each = {name: tuple(float(value) for value in own[name]) for name in OF_EACH_JOINT}
+        each = {name: _of_all(own[name]) for name in OF_EACH_JOINT}
         return cls(
             basket=basket, limits=SafetyLimits.from_parameters(parameters), **{**own, **each}
         )
@@ -261,8 +272,8 @@ class PlantSettings:
     def __post_init__(self) -> None:
         for name in OF_EACH_JOINT:
             values = getattr(self, name)
-            if len(values) != N_JOINTS or not np.isfinite(values).all():
-                raise ValueError(f"{name} {values} is not {N_JOINTS} finite numbers")
+            if len(values) != joint_count() or not np.isfinite(values).all():
+                raise ValueError(f"{name} {values} is not {joint_count()} finite numbers")
         if not (min(self.mass_scale) > 0.0):
             raise ValueError(f"mass_scale {self.mass_scale} must be positive")
         if min(self.joint_stiffness) < 0.0 or (

@@ -24,47 +24,47 @@ from dart_skill.arm import (
     HandState,
     minimum_jerk,
     rotation_error,
+    the_swing,
 )
-from dart_skill.common.constants import N_JOINTS
 from dart_skill.common.surface import BASKETS, RIMS, Game
 from dart_skill.common.vectors import at_most
 
 NO_MOMENT = np.zeros(3)
 """Moment of a trembling hand [N m]."""
-SWING_JOINTS = (1, 3, 5)
-"""J2, J4 and J6 move the hand in the vertical plane of the throw."""
 NEAREST = 0.3
 """A basket nearer to the axis of the base stands on the base plate, which is 0.36 m long
 (docs/sources.md) [m].
 """
 
 
+def of_swing(what: str) -> tuple[float, ...]:
+    """What a person does with the arm of this process: a field of `ArmSwing`."""
+    return tuple(getattr(the_swing(), what).tolist())
+
+
 @dataclass(frozen=True)
 class Swing:
-    """The throw that the teacher has in mind, as angles of J2, J4 and J6.
-
-    A speed of 1 turns J2 at its no-load speed. At the release the elbow is bent so far that the
-    hand is 4.5 cm inside the arm's reach. These are three standard deviations of a person's
-    release point: a path through the stretched arm can turn the elbow over.
+    """The throw that the teacher has in mind, as angles of the joints that swing; defaults are
+    those of the arm (`ArmSwing`).
 
     Parameters
     ----------
     cocked
-        Angles before the swing (3,) [rad].
+        Angles before the swing (m,) [rad].
     release
-        Angles at the release (3,) [rad].
+        Angles at the release (m,) [rad].
     rates
-        At the release, for a speed of 1 (3,) [rad/s].
+        At the release, for a speed of 1 (m,) [rad/s].
     duration
         From the start to the release [s].
     follow_through
         From the release to rest [s].
     """
 
-    cocked: tuple[float, float, float] = (-1.00, -0.75, -0.60)
-    release: tuple[float, float, float] = (-0.05, -0.42, -0.10)
-    rates: tuple[float, float, float] = (3.548, 3.6, 7.0)
-    duration: float = 0.70
+    cocked: tuple[float, ...] = field(default_factory=lambda: of_swing("cocked"))
+    release: tuple[float, ...] = field(default_factory=lambda: of_swing("release"))
+    rates: tuple[float, ...] = field(default_factory=lambda: of_swing("rates"))
+    duration: float = field(default_factory=lambda: the_swing().duration)
     follow_through: float = 0.45
 
 
@@ -159,7 +159,7 @@ class _Motion:
         """
         from scipy.interpolate import BPoly  # only a throw that is shown needs it
 
-        rest = np.zeros(N_JOINTS)
+        rest = np.zeros(len(self.cocked))
         end = self.release + 0.5 * self.follow_through * self.rates
         ends = [(self.cocked, rest, rest), (self.release, self.rates, rest), (end, rest, rest)]
         instants = np.cumsum([0.0, self.to_release, self.follow_through])
@@ -331,9 +331,9 @@ class Teacher:
         open_at = release - person.expected_hand_delay + person.timing * rng.standard_normal()
         return _Motion(
             initial=state.position.copy(),
-            cocked=_posture(azimuth, swing.cocked),
-            release=_posture(azimuth, swing.release),
-            rates=_posture(0.0, speed * np.array(swing.rates)),
+            cocked=self._posture(azimuth, swing.cocked),
+            release=self._posture(azimuth, swing.release),
+            rates=self._rates(speed * np.array(swing.rates)),
             turn=turn,
             start=start,
             to_release=duration,
@@ -375,10 +375,23 @@ class Teacher:
         return speed
 
     def _ball_at_release(self, speed: float) -> tuple[np.ndarray, np.ndarray]:
-        q = _posture(0.0, self.swing.release)
-        hand = self._model.hand_state(q, _posture(0.0, speed * np.array(self.swing.rates)))
+        q, rates = self._posture(0.0, self.swing.release), speed * np.array(self.swing.rates)
+        hand = self._model.hand_state(q, self._rates(rates))
         arm = hand.rotation @ self._model.description.hand.ball_centre
         return hand.position + arm, hand.linear + np.cross(hand.angular, arm)
+
+    def _posture(self, azimuth: float, swing: tuple | np.ndarray) -> np.ndarray:
+        """Angles of all joints (n,) for those that swing."""
+        q = the_swing().rest.copy()
+        q[0] += azimuth
+        q[the_swing().joints] = swing
+        return q
+
+    def _rates(self, swing: np.ndarray) -> np.ndarray:
+        """Rates of all joints (n,) for those of the ones that swing."""
+        rates = np.zeros(self._model.description.n_joints)
+        rates[the_swing().joints] = swing
+        return rates
 
     def _phase_at(self, time: float) -> Phase:
         motion = self._motion
@@ -467,9 +480,3 @@ def _shares(rate: float, step: float) -> tuple[float, float]:
     """
     kept = np.exp(-2 * np.pi * rate * step)
     return float(kept), float(np.sqrt(1 - kept**2))
-
-
-def _posture(azimuth: float, swing: tuple | np.ndarray) -> np.ndarray:
-    q = np.zeros(N_JOINTS)
-    q[0], q[list(SWING_JOINTS)] = azimuth, swing
-    return q

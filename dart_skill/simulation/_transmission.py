@@ -12,7 +12,6 @@ import math
 import numpy as np
 
 from dart_skill.arm import Actuation
-from dart_skill.common.constants import N_JOINTS
 from dart_skill.common.small_matrices import factor_into, solve_into
 
 SUBSTEPS = 5
@@ -24,7 +23,7 @@ found in print.
 
 
 class Transmission:
-    """Springs between the motors and the links of the seven joints.
+    """Springs between the motors and the links of the joints.
 
     Motor: R w' = effort - friction(w) - s; link: M v' + bias = outside + s; spring: s = K (theta -
     q) + D (w - v). All in joint coordinates, R the rotors' inertia as the joints feel it. Each
@@ -51,17 +50,15 @@ class Transmission:
         self._damping = (
             2.0 * DAMPING_RATIO * np.sqrt(np.asarray(stiffness, dtype=float) * np.diag(reflected))
         )
-        self.position, self.velocity = np.zeros(N_JOINTS), np.zeros(N_JOINTS)
-        self._link, self._speeds = np.zeros(N_JOINTS), np.zeros(2 * N_JOINTS)
-        self._motor_speeds = self._speeds[N_JOINTS:]
-        self._system, self._momentum = (
-            np.zeros((2 * N_JOINTS, 2 * N_JOINTS)),
-            np.zeros(2 * N_JOINTS),
-        )
+        n = len(self._stiffness)
+        self.position, self.velocity = np.zeros(n), np.zeros(n)
+        self._link, self._speeds = np.zeros(n), np.zeros(2 * n)
+        self._motor_speeds = self._speeds[n:]
+        self._system, self._momentum = np.zeros((2 * n, 2 * n)), np.zeros(2 * n)
 
     def rest(self, q: np.ndarray, load: np.ndarray) -> None:
         """Motors at rest that carry a load (7,) [N m] on links at q (7,) [rad]."""
-        self.position, self.velocity = q + load / np.asarray(self._stiffness), np.zeros(N_JOINTS)
+        self.position, self.velocity = q + load / np.asarray(self._stiffness), np.zeros(len(q))
 
     def advance(
         self,
@@ -75,9 +72,9 @@ class Transmission:
         """Mean acceleration (7,) of the links over a step [s] in which motors give `effort` and
         the world `outside`, net of the bias.
         """
-        position, mean = np.array(self.position), np.empty(N_JOINTS)
+        position, mean = np.array(self.position), np.empty(self._link.shape[0])
         theta, acceleration, link, speeds = position, mean, self._link, self._speeds
-        n, motors, h = N_JOINTS, self.velocity, step / SUBSTEPS
+        n, motors, h = self._link.shape[0], self.velocity, step / SUBSTEPS
         for j in range(n):
             link[j] = q[j]
             speeds[j] = velocity[j]
@@ -105,7 +102,12 @@ class Transmission:
         """The equations of an implicit Euler step: system (14, 14) times speeds, of links over
         motors, is momentum (14,).
         """
-        n, system, momentum, speeds = N_JOINTS, self._system, self._momentum, self._speeds
+        n, system, momentum, speeds = (
+            self._link.shape[0],
+            self._system,
+            self._momentum,
+            self._speeds,
+        )
         damping = self._actuation.damping(self._motor_speeds)
         for i in range(n):
             spring = h * self._stiffness[i] * (theta[i] - self._link[i])
@@ -148,22 +150,22 @@ class Encoders:
         )
         self._gain = 1.0 - math.exp(-speed_filter * step)
         self._exact = not (np.any(offset) or resolution or speed_filter)
-        self._last, self._speed = np.zeros(N_JOINTS), np.zeros(N_JOINTS)
+        self._last, self._speed = np.zeros(len(offset)), np.zeros(len(offset))
         self._has_read = False
 
     def reset(self) -> None:
         """The arm is somewhere else, at rest."""
         self._has_read = False
-        for j in range(N_JOINTS):
+        for j in range(self._speed.shape[0]):
             self._speed[j] = 0.0
 
     def read(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Angles and speeds (7,) as reported, once a step."""
         if self._exact:
             return position, velocity
-        seen = np.empty(N_JOINTS)
+        seen = np.empty(self._last.shape[0])
         angles, true, last, speed = seen, position, self._last, self._speed
-        for j in range(N_JOINTS):
+        for j in range(self._last.shape[0]):
             angles[j] = true[j] + self._offset[j]
             if self._resolution:
                 angles[j] = self._resolution * math.floor(angles[j] / self._resolution + 0.5)

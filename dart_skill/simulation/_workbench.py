@@ -8,13 +8,13 @@ not modelled: a hand that closes around the part holds it as it found it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import WamDescription, wam_description, with_box
-from dart_skill.simulation._arm_in_world import HAND_LINK_INDEX, small_box
+from dart_skill.arm import ArmDescription, ready_posture, the_arm, with_box
+from dart_skill.simulation._arm_in_world import small_box
 from dart_skill.simulation._bullet import BulletClient, pybullet
 from dart_skill.simulation._plant import Plant, PlantState, in_principal_axes
 from dart_skill.simulation._plant_settings import PlantSettings
@@ -33,6 +33,12 @@ IN = 0.003
 """A part whose origin is nearer to where it ends along the holder's axis is in it [m]."""
 
 
+HAND_AT, HAND_TURN = (0.43, -0.36, 1.34), (1.0773, 2.9511, 0.0)
+"""Pose of a hand around the part, for arms without a posture of that name: place [m] and rotation
+vector [rad], its x axis towards the base.
+"""
+
+
 @dataclass(frozen=True)
 class Bench:
     """What stands on the table.
@@ -40,8 +46,8 @@ class Bench:
     Parameters
     ----------
     start_posture
-        Of an arm whose hand is around the part, pointing down (7,) [rad]. Part and table stand
-        below it.
+        Of an arm whose hand is around the part, pointing down (n,) [rad]; default: its posture
+        `bench`. Part and table stand below it.
     size
         Of the part, a box (3,) [m]; its origin is its centre, its z axis points up.
     mass
@@ -60,7 +66,9 @@ class Bench:
         Standard deviations of where the part stands [m], and of how it is turned [rad].
     """
 
-    start_posture: tuple[float, ...] = (-0.7, 0.6, 0.0, 1.9, 0.0, 0.6416, 0.0)
+    start_posture: tuple[float, ...] = field(
+        default_factory=lambda: ready_posture("bench", HAND_AT, HAND_TURN)
+    )
     size: tuple[float, float, float] = (0.05, 0.05, 0.10)
     mass: float = 0.35
     grasp: tuple[float, float, float] = (0.0, 0.0, 0.14)
@@ -77,7 +85,7 @@ class Bench:
         square = np.square(self.size)
         return self.mass / 12.0 * (square.sum() - square)
 
-    def loaded(self, description: WamDescription) -> WamDescription:
+    def loaded(self, description: ArmDescription) -> ArmDescription:
         """The arm with the part as what its hand may hold."""
         return with_box(description, self.mass, self.size, self.grasp)
 
@@ -93,7 +101,7 @@ class Workbench(Plant):
         self.bench = bench or Bench()
         self._holder: Pose = np.array([0.6, 0.2, 0.8]), np.array([0.0, 0.0, 0.0, 1.0])
         own = replace(settings or PlantSettings(), start_posture=self.bench.start_posture)
-        super().__init__(own, seed, self.bench.loaded(wam_description()))
+        super().__init__(own, seed, self.bench.loaded(the_arm()))
 
     loose_body, movable_body = "part", "holder"
 
@@ -176,7 +184,7 @@ class Workbench(Plant):
 
     def _build_things(self, world: BulletClient) -> None:
         b = self.bench
-        hand = world.getLinkState(self._arm, HAND_LINK_INDEX, computeForwardKinematics=1)
+        hand = world.getLinkState(self._arm, self._hand_link, computeForwardKinematics=1)
         turn = Rotation.from_quat(hand[5])
         stands = (
             np.array(hand[4])
@@ -274,12 +282,12 @@ class Workbench(Plant):
 
     def _grasp(self) -> None:
         place, turn = self._seen_from_hand()
-        hand = self._world.getLinkState(self._arm, HAND_LINK_INDEX, computeForwardKinematics=1)
+        hand = self._world.getLinkState(self._arm, self._hand_link, computeForwardKinematics=1)
         offset, back = in_principal_axes(hand, place)
         local = Rotation.from_quat(back) * turn
         self._held = self._world.createConstraint(
             self._arm,
-            HAND_LINK_INDEX,
+            self._hand_link,
             self._ball,
             -1,
             pybullet.JOINT_FIXED,

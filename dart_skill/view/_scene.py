@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dart_skill.arm import WamDescription, fixed_transforms, joint_transforms, wam_description
+from dart_skill.arm import ArmDescription, fixed_transforms, joint_transforms, the_arm
 from dart_skill.common import palette
 from dart_skill.common.checks import check_unit_quaternions
 from dart_skill.common.regions import REGION, Region
@@ -98,14 +98,14 @@ class Scene:
     def __init__(
         self,
         server: Any,
-        description: WamDescription | None = None,
+        description: ArmDescription | None = None,
         region: Region = REGION,
         basket: Basket | None = None,
         skill: Skill | None = None,
     ):
         self._server, self._scene = server, server.scene
         self._description, self.region, self._basket_shape = (
-            description or wam_description(),
+            description or the_arm(),
             region,
             basket or Basket(),
         )

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dart_skill.arm import wam_description, write_urdf
+from dart_skill.arm import the_arm, write_urdf
 from dart_skill.common import palette
 from dart_skill.simulation import Basket, connect
 from dart_skill.skills.protocol import Skill
@@ -53,7 +53,7 @@ class SceneCamera:
     def __init__(self, skill: Skill, width: int = WIDTH, height: int = HEIGHT):
         self.width, self.height = width, height
         self._client = client = connect()
-        description = skill.loaded(wam_description())
+        description = skill.loaded(the_arm())
         self._arm = self._add_arm(write_urdf(description, shapes=True), description.mount_height)
         self._joints = [
             k
@@ -153,7 +153,7 @@ class SceneCamera:
 
 def _parts(skill: Skill, role: str) -> list[ColouredMesh]:
     if skill.in_the_open and role == "ball":
-        return [ColouredMesh(sphere(wam_description().ball.radius))]
+        return [ColouredMesh(sphere(the_arm().ball.radius))]
     if skill.in_the_open:
         shape = Basket()
         return [ColouredMesh(bucket(shape.radius, shape.depth, shape.wall))]

@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseStamped
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
-from dart_skill.arm import wam_description
+from dart_skill.arm import the_arm
 from dart_skill.common.world import pose_topic
 from dart_skill.simulation import Workbench
 from dart_skill_nodes.comms import conversions
@@ -56,7 +56,7 @@ class RealArm:
         self.plant, self.hidden = plant, set()
         self._rng, self._answer, self._spin = np.random.default_rng(0), None, client.spin
         client.spin = self.tick
-        self._names = [joint.name for joint in wam_description().joints]
+        self._names = [joint.name for joint in the_arm().joints]
         node, quality = client.node, 1000
         self._states = node.create_publisher(JointState, "/joint_states", quality)
         self._poses = {

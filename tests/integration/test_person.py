@@ -13,7 +13,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from dart_skill.arm import wam_description
+from dart_skill.arm import the_arm
 from dart_skill.common.situation import Pose
 from dart_skill.common.world import ROLES
 from dart_skill.recording import HAND
@@ -52,7 +52,7 @@ def test_a_state_from_before_a_throw_does_not_say_where_the_arm_is_after_it(pers
     with pytest.raises(ValueError, match="no state of the arm has come"):
         person._check_heard(0)
     message = JointState(
-        name=[joint.name for joint in wam_description().joints],
+        name=[joint.name for joint in the_arm().joints],
         position=np.zeros(7),
         velocity=np.zeros(7),
     )
@@ -100,7 +100,7 @@ class Told:
 
     def arm_is_at(self, angle, seconds):
         message = JointState(
-            name=[joint.name for joint in wam_description().joints],
+            name=[joint.name for joint in the_arm().joints],
             position=np.full(7, angle),
             velocity=np.zeros(7),
         )
@@ -201,7 +201,7 @@ class Beside:
     def see(self):
         """A frame of the cameras, and a state of the arm."""
         self._ns += SECOND // 20
-        message = JointState(name=[joint.name for joint in wam_description().joints])
+        message = JointState(name=[joint.name for joint in the_arm().joints])
         message.position = message.velocity = [0.0] * 7
         message.header.stamp = time_msg(self._ns)
         self.person._on_state(serialize_message(message))

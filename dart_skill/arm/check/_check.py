@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dart_skill.arm import ArmModel, RegistrationFit, WamDescription
+from dart_skill.arm import ArmDescription, ArmModel, RegistrationFit
 from dart_skill.arm.check._cameras import RATE, camera_lines
 from dart_skill.arm.check._hand import hand_lines
 from dart_skill.arm.check._heard import Grade, Heard, HeardPoses, Line, graded, line
@@ -114,7 +114,7 @@ def _of_poses(stream: HeardPoses, simulated: bool) -> list[Line]:
     ]
 
 
-def _safety_lines(limits: Mapping, description: WamDescription, simulated: bool) -> list[Line]:
+def _safety_lines(limits: Mapping, description: ArmDescription, simulated: bool) -> list[Line]:
     """Lines about the commander's parameters `limits` (config/commander.yaml) and the description
     of the arm.
     """

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dart_skill.arm import WamDescription
+from dart_skill.arm import ArmDescription
 from dart_skill.arm.check._heard import Grade, HeardJoints, Line, line
 from dart_skill.common.world import joint_order
 
@@ -29,7 +29,7 @@ NEW = 0.2
 """A posture is new if a joint is so far from where it was in all others [rad]."""
 
 
-def joint_lines(stream: HeardJoints, description: WamDescription, overrun: float) -> list[Line]:
+def joint_lines(stream: HeardJoints, description: ArmDescription, overrun: float) -> list[Line]:
     """Names, positions, velocities.
 
     Parameters
@@ -44,7 +44,7 @@ def joint_lines(stream: HeardJoints, description: WamDescription, overrun: float
     ]
 
 
-def _names(stream: HeardJoints, description: WamDescription) -> Line:
+def _names(stream: HeardJoints, description: ArmDescription) -> Line:
     wanted = tuple(joint.name for joint in description.joints)
     asked = f"{wanted[0]} to {wanted[-1]}, each once"
     if not stream.orders:
@@ -73,7 +73,7 @@ def _names(stream: HeardJoints, description: WamDescription) -> Line:
     return line("joint names", Grade.GO, ", ".join(stream.orders[0]), asked)
 
 
-def _positions(stream: HeardJoints, description: WamDescription, overrun: float) -> Line:
+def _positions(stream: HeardJoints, description: ArmDescription, overrun: float) -> Line:
     lower, upper = description.of_joints("lower"), description.of_joints("upper")
     asked = "within the joints' range, radians"
     q = stream.position
@@ -124,7 +124,7 @@ def _positions(stream: HeardJoints, description: WamDescription, overrun: float)
     )
 
 
-def _velocities(stream: HeardJoints, description: WamDescription) -> Line:
+def _velocities(stream: HeardJoints, description: ArmDescription) -> Line:
     asked = "those of the positions, rad/s"
     if stream.position.shape[1:] != (len(description.joints),):
         return line("joint velocities", Grade.NO_GO, "not seven joints", asked, "see joint names")

@@ -24,7 +24,7 @@ from dart_skill.arm import (
     References,
     attractor_acceleration,
 )
-from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.arm_choice import joint_count
 from dart_skill.common.regions import targets_for
 from dart_skill.experiments.studies.throws import teach
 from dart_skill.session import Session
@@ -127,7 +127,7 @@ def resistance(
     """Force with which the law pulls a hand back [N] that is GRABBED off along an axis (3,), of an
     arm with joints at a position (7,) [rad] and a velocity (7,) [rad/s].
     """
-    hand = arm.model.hand_state(position, np.zeros(N_JOINTS))
+    hand = arm.model.hand_state(position, np.zeros(joint_count()))
     where = replace(hand, position=hand.position + GRABBED * axis)
     at_rest = 2 * (hand.position, hand.rotation) + 2 * (np.zeros(6),)
     pulls = np.zeros(6), attractor_acceleration(Reference(*at_rest), where, gains)

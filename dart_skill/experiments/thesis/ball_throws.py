@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dart_skill.arm import MotionPlan, wam_description
+from dart_skill.arm import MotionPlan, the_arm
 from dart_skill.common.flight import flight, landing
 from dart_skill.common.regions import targets_for
 from dart_skill.figures import HandRecording
@@ -126,7 +126,7 @@ class DrawnThrow(NamedTuple):
 def planned(plan: MotionPlan) -> DrawnThrow:
     """A plan, and the flight that it expects."""
     path = plan.path
-    arm = rotate(path.quaternion, wam_description().hand.ball_centre[None])
+    arm = rotate(path.quaternion, the_arm().hand.ball_centre[None])
     turning = np.cross(path.velocity[:, 3:], arm)
     columns = np.hstack([path.position + arm, path.velocity[:, :3] + turning])
     at_release = np.array([np.interp(plan.release, path.time, column) for column in columns.T])

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from dart_skill.arm import FILTER_TIME, TAKES_OUT, JointServo, wam_description
+from dart_skill.arm import FILTER_TIME, TAKES_OUT, the_arm
 from dart_skill.common.configuration import load_yaml
 
 LINKS = np.array(
@@ -124,12 +124,12 @@ def loop_of(joint: Joint, takes_out: float, filter_time: float, omega: np.ndarra
         [rad/s], above 0.
     """
     s, j, delay = 1j * omega, joint.number, 1
-    motor, gains = wam_description().motors.reflected_inertia[j, j], JointServo.FOLLOWING
+    motor, gains = the_arm().motors.reflected_inertia[j, j], the_arm().servo
     late = np.exp(-s * (delay + 0.5) * PERIOD)
     spring = joint.stiffness + 2.0 * DAMPING_RATIO * np.sqrt(joint.stiffness * motor) * s
     friction = LEAST_FRICTION[j] * s
-    damped = gains.damping[j] * s * SPEED_FILTER / (s + SPEED_FILTER)
-    servo = (gains.stiffness[j] + damped) * late
+    damped = gains.following_damping[j] * s * SPEED_FILTER / (s + SPEED_FILTER)
+    servo = (gains.following_stiffness[j] + damped) * late
     seen = spring / (joint.link * s**2 + spring)
     fed = (motor + joint.link) * s**2 * late + friction
     follows = (servo + fed) / (motor * s**2 + friction + spring * (1.0 - seen) + servo)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.arm_choice import joint_count
 from dart_skill.common.world import joint_names
 from dart_skill.recording.bags import BagMessage, columns_by_layout
 from dart_skill.recording.imports.faults import NOTE, Fault
@@ -168,8 +168,8 @@ def joint_stream(
     where
         Signs and zeros.
     """
-    scale = np.array(where.signs or (1.0,) * N_JOINTS)
-    position = scale * states.position + np.array(where.zeros or (0.0,) * N_JOINTS)
+    scale = np.array(where.signs or (1.0,) * joint_count())
+    position = scale * states.position + np.array(where.zeros or (0.0,) * joint_count())
     velocity, faults = _with_speeds(stamps, position, scale * states.velocity)
     found = replace(states, stamp_ns=stamps, position=position, velocity=velocity, faults=())
     return found, faults
@@ -240,7 +240,7 @@ def _namings(voices: list[_Voice], topic: str) -> list[tuple[str, ...]]:
     sevens = {
         frozenset(voice.names): voice.names
         for voice in reversed(voices)
-        if len(set(voice.names)) == N_JOINTS
+        if len(set(voice.names)) == joint_count()
     }
     found = variants or list(sevens.values())[::-1]
     for both in combinations(found, 2):
@@ -257,7 +257,7 @@ def _namings(voices: list[_Voice], topic: str) -> list[tuple[str, ...]]:
             )
     if found:
         return found
-    if any(not voice.names and voice.position.shape[1] == N_JOINTS for voice in voices):
+    if any(not voice.names and voice.position.shape[1] == joint_count() for voice in voices):
         return [()]
     if set(ours) & told:
         return [ours]
@@ -292,7 +292,7 @@ def _listed(names: Sequence[str], most: int = 12) -> str:
 
 
 def _no_rows(names: tuple[str, ...]) -> JointStream:
-    stamps, rows = np.empty(0, np.int64), np.empty((0, N_JOINTS))
+    stamps, rows = np.empty(0, np.int64), np.empty((0, joint_count()))
     return JointStream(stamps, rows, rows, names, stamps)
 
 
@@ -323,7 +323,7 @@ def _rows_of(voices: list[_Voice], names: tuple[str, ...], where: SignalSource) 
     them, those of messages that name nothing.
     """
     unnamed = [
-        voice for voice in voices if not voice.names and voice.position.shape[1] == N_JOINTS
+        voice for voice in voices if not voice.names and voice.position.shape[1] == joint_count()
     ]
     whole = [voice for voice in voices if names and voice.layout(names).order is not None]
     if not names or not (whole or any(set(names) & set(voice.names) for voice in voices)):
@@ -359,7 +359,7 @@ def _joined(voices: list[_Voice], names: tuple[str, ...]) -> JointStream:
     if not names or not all(saying.values()):
         return _no_rows(names)
     base = max((voice for its in saying.values() for voice in its), key=len)
-    position, velocity = np.full((2, len(base), N_JOINTS), np.nan)
+    position, velocity = np.full((2, len(base), joint_count()), np.nan)
     for k, name in enumerate(names):
         voice = base if base in saying[name] else max(saying[name], key=len)
         column = voice.names.index(name)

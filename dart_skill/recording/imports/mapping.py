@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 import yaml
 
+from dart_skill.common.arm_choice import joint_count
 from dart_skill.common.configuration import read_yaml
-from dart_skill.common.constants import N_JOINTS, UNTURNED
+from dart_skill.common.constants import UNTURNED
 from dart_skill.common.world import ROLES, the_world
 from dart_skill.recording.imports.faults import Fault
 from dart_skill.recording.imports.pose_stream import (
@@ -828,7 +829,7 @@ def _signal_source(section: _Section, name: str) -> SignalSource:
     wanted: dict[str, tuple[int, ...]] = {"time": (1,)}
     source = SignalSource()
     if name == "joints":
-        wanted |= {"position": (N_JOINTS, 1), "velocity": (N_JOINTS, 1, 0)}
+        wanted |= {"position": (joint_count(), 1), "velocity": (joint_count(), 1, 0)}
         source = _joint_keys(section, source)
     table = _table(section, kind, wanted) if is_table else None
     topic = "" if is_table else section.text("topic")
@@ -843,8 +844,8 @@ def _joint_keys(section: _Section, default: SignalSource) -> SignalSource:
             section.take(
                 "names",
                 default.names,
-                lambda value: _are_names(value) and len(set(value)) == len(value) == N_JOINTS,
-                f"the names of {N_JOINTS} joints",
+                lambda value: _are_names(value) and len(set(value)) == len(value) == joint_count(),
+                f"the names of {joint_count()} joints",
             )
         ),
         angle=section.choice("angle", default.angle, ANGLE_UNITS),
@@ -854,13 +855,13 @@ def _joint_keys(section: _Section, default: SignalSource) -> SignalSource:
                 default.signs,
                 lambda value: (
                     _are_numbers(value)
-                    and len(value) == N_JOINTS
+                    and len(value) == joint_count()
                     and all(abs(one) == 1 for one in value)
                 ),
-                f"1 or -1 for each of {N_JOINTS} joints",
+                f"1 or -1 for each of {joint_count()} joints",
             )
         ),
-        zeros=section.vector("zeros", N_JOINTS, default.zeros),
+        zeros=section.vector("zeros", joint_count(), default.zeros),
         listed=tuple(section.take("listed", default.listed, _are_names, "names of joints")),
         frame=section.text("frame", default.frame),
     )

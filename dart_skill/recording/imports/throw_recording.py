@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.common.constants import N_JOINTS, UNTURNED, Grip
+from dart_skill.common.arm_choice import joint_count
+from dart_skill.common.constants import UNTURNED, Grip
 from dart_skill.common.world import the_world
 from dart_skill.recording.bags import (
     BagError,
@@ -461,15 +462,17 @@ def _joints(
     log_ns = None
     if where.table is not None:
         columns = read_table(folder, where.table, where.clock.unit, {"position": where.angle})
-        if (width := columns["position"].shape[1]) != N_JOINTS or columns["velocity"].shape[
+        if (width := columns["position"].shape[1]) != joint_count() or columns["velocity"].shape[
             1
-        ] not in (0, N_JOINTS):
+        ] not in (0, joint_count()):
             raise ValueError(
-                f"{folder / where.table.file}: {width} columns of positions of {N_JOINTS} joints"
+                f"{folder / where.table.file}: {width} columns of positions of {joint_count()} joints"
             )
         n = len(columns["time"])
         velocity = (
-            columns["velocity"] if columns["velocity"].shape[1] else np.full((n, N_JOINTS), np.nan)
+            columns["velocity"]
+            if columns["velocity"].shape[1]
+            else np.full((n, joint_count()), np.nan)
         )
         unit = ANGLE_UNITS[where.angle]
         time, position = columns["time"], unit * columns["position"]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from dart_skill.arm import DART, WamDescription
+from dart_skill.arm import DART, ArmDescription
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.common.surface import BOARD_DIAMETER, BoardFace
 from dart_skill.common.world import the_world
@@ -188,7 +188,7 @@ class Darts(Throw):
     def solids(self, role: str) -> Sequence[Solid]:
         return (Solid("board"),) if role == "board" else (Solid("sphere", (SEEN,)),)
 
-    def loaded(self, description: WamDescription) -> WamDescription:
+    def loaded(self, description: ArmDescription) -> ArmDescription:
         """The arm with a dart in its hand."""
         return replace(description, ball=DART)
 

@@ -20,9 +20,9 @@ from dart_skill.arm import (
     Sightings,
     fit_registration,
     measure_registration,
-    wam_description,
+    the_arm,
 )
-from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.arm_choice import joint_count
 from dart_skill.common.quantiles import quantile
 from dart_skill.common.quaternions import from_vectors, product, rotate
 from dart_skill.common.surface import Game
@@ -249,7 +249,7 @@ def _prepare(demonstration: Demonstration, reading: _Reading) -> PreparedThrow:
     _check_joints(both)
     ball, surface = reading.game.projectile, reading.game.surface
     free = find_flight(d.moved.time, d.moved.position, ball) if len(d.moved.time) else None
-    grip = wam_description().hand.ball_centre
+    grip = the_arm().hand.ball_centre
     release = fit_release(
         d.moved.time,
         d.moved.position,
@@ -320,7 +320,7 @@ def _led_to(
     turned, features = _features(d, reading, azimuth)
     around = np.array([release])
     motion = smooth_derivatives(clock, features, noise=_noise(clock, features), at=around)
-    roll, centre = _start_pose(d, azimuth, turned)[5], wam_description().hand.ball_centre
+    roll, centre = _start_pose(d, azimuth, turned)[5], the_arm().hand.ball_centre
     states = ball_states(
         motion.position, motion.velocity, azimuth if reading.turns else 0.0, roll, centre
     )
@@ -412,7 +412,7 @@ def _start_posture(demonstration: Demonstration, azimuth: float) -> np.ndarray:
     """Joints before the motion (7,), J1 relative to the azimuth; nan where they were not recorded."""
     d = demonstration
     if not len(d.joint_time):
-        return np.full(N_JOINTS, np.nan)
+        return np.full(joint_count(), np.nan)
     posture = quantile(d.joint_position[_or_first(d.joint_time <= d.motion_start)], 0.5)
     posture[0] -= azimuth
     return posture

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.arm import STRETCHED, MotionPlan, Registration, wam_description
+from dart_skill.arm import STRETCHED, MotionPlan, Registration, the_arm
 from dart_skill.common.surface import BASKETS, Game
 from dart_skill.movement import rotate
 
@@ -30,7 +30,7 @@ def hits_along(
     """Where balls meet the surface of a target (n, 3), nan if never, that leave a hand with
     position (n, 3), quaternion (n, 4) and velocity (n, 6), linear over angular.
     """
-    arm = rotate(quaternion, wam_description().hand.ball_centre[None])
+    arm = rotate(quaternion, the_arm().hand.ball_centre[None])
     speed = velocity[:, :3] + np.cross(velocity[:, 3:], arm)
     return game.surface.crossing(position + arm, speed, target, game.projectile).position
 
@@ -106,9 +106,7 @@ def stretched_at(time: np.ndarray, position: np.ndarray) -> float:
     """The first instant of time (n,) at which a hand with position (n, 3) is too far from the
     shoulder for the arm; infinite if there is none.
     """
-    over = np.linalg.norm(position - wam_description().shoulder, axis=1) - (
-        wam_description().reach - STRETCHED
-    )
+    over = np.linalg.norm(position - the_arm().shoulder, axis=1) - (the_arm().reach - STRETCHED)
     k = int(np.argmax(over >= 0.0))
     if over[k] < 0.0:
         return np.inf
@@ -129,9 +127,5 @@ def _seen_by(registration: Registration) -> tuple[np.ndarray, float]:
     """The shoulder (3,) in the world of the cameras, and how far from it a tracked body at least
     can be [m]: the same for many plans.
     """
-    shoulder = rotate([registration.turn], wam_description().shoulder[None]) + np.array(
-        registration.shift
-    )
-    return shoulder, wam_description().reach - STRETCHED - float(
-        np.linalg.norm(registration.hand_shift)
-    )
+    shoulder = rotate([registration.turn], the_arm().shoulder[None]) + np.array(registration.shift)
+    return shoulder, the_arm().reach - STRETCHED - float(np.linalg.norm(registration.hand_shift))

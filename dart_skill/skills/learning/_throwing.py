@@ -28,7 +28,7 @@ from dart_skill.arm import (
     MotionPlan,
     Pace,
     Speed,
-    wam_description,
+    the_arm,
 )
 from dart_skill.common.checks import to_the_nanosecond
 from dart_skill.common.constants import Grip
@@ -194,7 +194,7 @@ class ThrowingSkill(ThrowModel):
         """
         course = self._course(task, model or self.model_for(task))
         near = self._around_release(course)
-        game, centre = self.configuration.game, wam_description().hand.ball_centre
+        game, centre = self.configuration.game, the_arm().hand.ball_centre
         states = ball_states(near.position, near.velocity, near.azimuth, near.roll, centre)
         hits = game.surface.crossing(*states, task, game.projectile).position
         release = self.refinement.release(self, near, hits)

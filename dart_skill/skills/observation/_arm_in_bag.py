@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dart_skill.arm import wam_description, write_urdf
+from dart_skill.arm import the_arm, write_urdf
+from dart_skill.common.arm_choice import description_path
 from dart_skill.common.configuration import config_path
 from dart_skill.recording import BagWriter
 
 PARAMETER_FILES = (
     "world.yaml",
     "limits.yaml",
-    "wam.yaml",
     "wam_simulator.yaml",
     "optitrack.yaml",
     "commander.yaml",
@@ -25,8 +25,7 @@ def attach_arm(writer: BagWriter) -> None:
     writer
         Of the bag.
     """
-    writer.add_attachment("wam.urdf", write_urdf(wam_description()), "application/xml")
-    for name in PARAMETER_FILES:
-        writer.add_attachment(
-            name, config_path(name).read_text(encoding="utf-8"), "application/yaml"
-        )
+    arm = the_arm()
+    writer.add_attachment(f"{arm.name}.urdf", write_urdf(arm), "application/xml")
+    for path in (description_path(), *map(config_path, PARAMETER_FILES)):
+        writer.add_attachment(path.name, path.read_text(encoding="utf-8"), "application/yaml")

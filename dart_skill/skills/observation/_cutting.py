@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dart_skill.arm import wam_description
+from dart_skill.arm import the_arm
 from dart_skill.common.checks import to_the_nanosecond
 from dart_skill.common.constants import Grip
 from dart_skill.common.flight import TENNIS_BALL, Ball
@@ -209,7 +209,7 @@ class ThrowLog(SensorLog):
         ball_time, ball = self.ball.between(since_ns, 0.0, stop)
         hand_time, hand = self.hand.between(since_ns, 0.0, stop)
         try:
-            grip = wam_description().hand.ball_centre
+            grip = the_arm().hand.ball_centre
             return fit_release(
                 ball_time, ball, hand_time, hand[:, :3], hand[:, 3:], grip, projectile
             )

@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dart_skill.arm import all_finite
-from dart_skill.common.constants import N_JOINTS, Grip
+from dart_skill.common.arm_choice import joint_count
+from dart_skill.common.constants import Grip
 from dart_skill.common.situation import Situation
 from dart_skill.recording import HAND, WORDS, Demonstration, Event, Track
 
@@ -179,15 +180,15 @@ class SensorLog:
             rows = np.array(part.rows)
             tracks[role] = Track(_seconds(part.stamps, since_ns), rows[:, :3], rows[:, 3:])
         joints = self.joints.part(since_ns, until_ns)
-        states = np.array(joints.rows).reshape(-1, 2 * N_JOINTS)
+        states = np.array(joints.rows).reshape(-1, 2 * joint_count())
         return Demonstration(
             id=name,
             tracks=tracks,
             stamp_ns=since_ns,
             skill=skill,
             joint_time=_seconds(joints.stamps, since_ns),
-            joint_position=states[:, :N_JOINTS],
-            joint_velocity=states[:, N_JOINTS:],
+            joint_position=states[:, : joint_count()],
+            joint_velocity=states[:, joint_count() :],
             events=tuple(
                 Event(WORDS[grip], (ns - since_ns) * 1e-9)
                 for ns, grip in self.told

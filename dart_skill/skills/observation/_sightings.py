@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dart_skill.arm import ArmModel, Sightings
-from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.arm_choice import joint_count
 from dart_skill.recording import Demonstration
 from dart_skill.skills.observation._grip import rows_at
 
@@ -33,5 +33,5 @@ def sightings(demonstration: Demonstration, model: ArmModel) -> Sightings:
         if len(states) > 1
         else np.repeat(states, len(chosen), axis=0)
     )
-    q, qd = np.ascontiguousarray(states[:, :N_JOINTS]), states[:, N_JOINTS:]
+    q, qd = np.ascontiguousarray(states[:, : joint_count()]), states[:, joint_count() :]
     return Sightings.of_joints(model, q, qd, d.hand_position[chosen], d.hand_quaternion[chosen])

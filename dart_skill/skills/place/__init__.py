@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import WamDescription, with_box
+from dart_skill.arm import ArmDescription, with_box
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.recording import HAND, Demonstration
 from dart_skill.skills.protocol import (
@@ -185,7 +185,7 @@ class Place(Skill):
         """The table."""
         return (Solid("box", TABLE, (0.8, 0.0, self.settings.table - 0.5 * TABLE[2])),)
 
-    def loaded(self, description: WamDescription) -> WamDescription:
+    def loaded(self, description: ArmDescription) -> ArmDescription:
         """The arm with the part in its hand."""
         s = self.settings
         return with_box(description, s.mass, s.size, s.grasp)

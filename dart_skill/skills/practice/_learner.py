@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.arm import KnownRegistration, MotionPlan, stretched, wam_description
+from dart_skill.arm import KnownRegistration, MotionPlan, stretched, the_arm
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.situation import Situation
 from dart_skill.mixture import GaussianMixture
@@ -192,7 +192,7 @@ class Learner:
 
     def _check_bent(self, plan: MotionPlan) -> None:
         """NoPlan for a plan that stretches the arm, as some of what was shown did."""
-        if why := stretched(plan.as_the_arm_has_it(), wam_description()):
+        if why := stretched(plan.as_the_arm_has_it(), the_arm()):
             names = ", ".join(self._strained)
             raise NoPlan(
                 f"{why}: drop what was shown at a limit of the arm ({names}), learn again, and show"

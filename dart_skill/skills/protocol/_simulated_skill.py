@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dart_skill.arm import WamDescription
+from dart_skill.arm import ArmDescription
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.skills.protocol._skill_base import SkillBase
 from dart_skill.skills.protocol._words import Solid
@@ -33,7 +33,7 @@ class SimulatedSkill(SkillBase):
         """
         return {}
 
-    def loaded(self, description: WamDescription) -> WamDescription:
+    def loaded(self, description: ArmDescription) -> ArmDescription:
         """The arm with what its hand may hold, as the skill's user knows it
         (`arm.with_box`). Default: as it is described.
         """

@@ -16,6 +16,7 @@ from nav_msgs.msg import Path
 from rclpy.node import Node
 
 from dart_skill.arm import (
+    ArmDescription,
     ArmState,
     Commander,
     Grip,
@@ -23,7 +24,6 @@ from dart_skill.arm import (
     MotionPlan,
     PlanRefused,
     Reference,
-    WamDescription,
     rehearse,
     still_plan,
 )
@@ -178,7 +178,7 @@ class Execution:
         )
         return path, policy.guide(conversions.situation(message.situation), registration)
 
-    def rehearse(self, spare: Commander, description: WamDescription) -> None:
+    def rehearse(self, spare: Commander, description: ArmDescription) -> None:
         """Go through a motion once before there is an arm: what is loaded on the way would make
         the first one late. spare: a commander that no arm listens to.
         """

@@ -15,7 +15,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from dart_skill.arm import fixed_transforms, joint_transforms, wam_description, write_urdf
+from dart_skill.arm import fixed_transforms, joint_transforms, the_arm, write_urdf
 from dart_skill.simulation import Plant, PlantSettings, Stillness
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.fixed_layout import FixedLayout
@@ -48,7 +48,7 @@ class StatePublisher:
 
     def __init__(self, node: Node, plant: Plant, parameters: dict):
         self._plant, self._p, self.at = plant, parameters, 0.0
-        frame, arm = parameters["frame_id"], wam_description()
+        frame, arm = parameters["frame_id"], the_arm()
         self._clock = node.create_publisher(Clock, CLOCK, CLOCK_QOS)
         self._joint_states = node.create_publisher(JointState, JOINT_STATES, COMPLETE)
         self._tool_pose = node.create_publisher(PoseStamped, "wam/tool_pose", COMPLETE)
@@ -86,7 +86,7 @@ class StatePublisher:
             conversions.set_pose(self._tool.pose, plant.hand_position, plant.hand_quaternion)
             self._tool_pose.publish(self._tool)
         if self._transforms.is_due("arm", ns):
-            self._transforms.publish(joint_transforms(wam_description(), plant.joint_position), ns)
+            self._transforms.publish(joint_transforms(the_arm(), plant.joint_position), ns)
 
     def publish_safety(self) -> None:
         """On /wam/safety, when it changes: all is well, something is near its limit, or the motors

@@ -41,8 +41,9 @@ from dart_skill.arm import (
     Speed,
     all_finite,
 )
+from dart_skill.common.arm_choice import joint_count
 from dart_skill.common.checks import as_place
-from dart_skill.common.constants import N_JOINTS, NS_PER_S
+from dart_skill.common.constants import NS_PER_S
 from dart_skill.common.pace import PhaseRule
 from dart_skill.common.situation import Pose as BodyPose
 from dart_skill.common.situation import Situation
@@ -148,9 +149,9 @@ def ground_truth(
     """What a SimulationState says. like: one with the same bodies; ns: its stamp; numbers: all of
     its float64; counters: episode, step.
     """
-    rows = numbers[3 * N_JOINTS : -1].reshape(len(like.bodies), -1)  # pose and twist
+    rows = numbers[3 * joint_count() : -1].reshape(len(like.bodies), -1)  # pose and twist
     bodies = {body.name: (row[:3], row[3:7]) for body, row in zip(like.bodies, rows, strict=True)}
-    return GroundTruth(ns, *counters, numbers[:N_JOINTS], float(numbers[-1]), bodies)
+    return GroundTruth(ns, *counters, numbers[: joint_count()], float(numbers[-1]), bodies)
 
 
 def time_msg(ns: int) -> Time:
@@ -573,7 +574,7 @@ def motion_plan(message: PlanMsg) -> MotionPlan:
         speed=Speed(message.speed),
         pace=_pace(message),
         registration=_registration(message),
-        posture=_rows_of("posture", message.posture, N_JOINTS),
+        posture=_rows_of("posture", message.posture, joint_count()),
     )
 
 

@@ -22,7 +22,7 @@ from dart_skill.arm import (
     Transform,
     fixed_transforms,
     joint_transforms,
-    wam_description,
+    the_arm,
     write_urdf,
 )
 from dart_skill.common.constants import NS_PER_S
@@ -103,7 +103,7 @@ class TfMessages:
             and not self._due.is_early(topic, ns)
         ):
             state = conversions.arm_state(conversions.decoded(data, JointState))
-            moved = joint_transforms(wam_description(), state.position)
+            moved = joint_transforms(the_arm(), state.position)
             yield "/tf", _tf(_prefixed(moved, arm["space"], self._frame_id), state.stamp_ns)
         elif (seen := _BODY.fullmatch(topic)) and not self._due.is_early(topic, ns):
             message = conversions.decoded(data, PoseStamped)
@@ -127,10 +127,10 @@ class TfMessages:
         if self._description in self.topics:
             yield (
                 self._description,
-                serialize(types_for(TEXT), TEXT, {"data": write_urdf(wam_description())}),
+                serialize(types_for(TEXT), TEXT, {"data": write_urdf(the_arm())}),
             )
         if "/tf_static" in self.topics:
-            fixed = fixed_transforms(wam_description(), self._frame_id)
+            fixed = fixed_transforms(the_arm(), self._frame_id)
             yield "/tf_static", _tf(_prefixed(fixed, self._space, self._frame_id), ns)
 
 

@@ -23,7 +23,7 @@ from dart_skill.arm import (
     Mode,
     PlanRefused,
     load_registration,
-    wam_description,
+    the_arm,
 )
 from dart_skill.recording import HAND
 from dart_skill_nodes.arm.arm_watch import NOT_FOR_AN_ARM, ArmWatch
@@ -53,7 +53,7 @@ class CommanderNode(GuardedNode):
         measured = load_registration(file).registration if file else None
         self._skill = skill_of(self)
         name_of = declare_bodies(self, (HAND, *self._skill.bodies))
-        load = self._skill.loaded(wam_description())
+        load = self._skill.loaded(the_arm())
         made = partial(Commander, CommanderSettings.from_parameters(self.p), load, measured)
         self._commander = made()
         self._reader, self._written = StateReader(), b""

@@ -10,7 +10,7 @@ from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from dart_skill.arm import fixed_transforms, wam_description, write_urdf
+from dart_skill.arm import fixed_transforms, the_arm, write_urdf
 from dart_skill.common.configuration import config_path
 from dart_skill.common.world import the_world
 from dart_skill_nodes.comms.names import CLOCK
@@ -204,7 +204,7 @@ def _rviz(of_all: dict[str, str], layout: str) -> list[Node]:
     )
     if layout != "hardware":
         return [view]
-    arm, (base, *_) = wam_description(), fixed_transforms(wam_description(), the_world().frame_id)
+    arm, (base, *_) = the_arm(), fixed_transforms(the_arm(), the_world().frame_id)
     pose = [f"{number:.6g}" for number in (*base.translation, *base.quaternion)]
     names = ("--x", "--y", "--z", "--qx", "--qy", "--qz", "--qw")
     arguments = [part for pair in zip(names, pose, strict=True) for part in pair]

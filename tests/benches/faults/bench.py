@@ -17,7 +17,7 @@ from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from dart_skill.arm import wam_description
+from dart_skill.arm import the_arm
 from dart_skill.cli.graph_verbs import CHECKOUT
 from dart_skill.common.regions import targets_for
 from dart_skill.recording.bags import check_bag, recover
@@ -139,7 +139,7 @@ class Bench:
         )
         self._reset_arm = self.client.node.create_client(Trigger, "commander/reset")
         self._shown, (self._target,) = targets_for(SEED, 2, 1)
-        self.usual = (LESSONS, float(wam_description().of_joints("peak_torque").max()))
+        self.usual = (LESSONS, float(the_arm().of_joints("peak_torque").max()))
 
     def close(self) -> None:
         """End all processes."""

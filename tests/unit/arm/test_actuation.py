@@ -5,10 +5,10 @@ joint.
 import numpy as np
 import pytest
 
-from dart_skill.arm import Actuation, ArmModel, wam_description
+from dart_skill.arm import Actuation, ArmModel, the_arm
 from tests.interpreted import interpreted
 
-WAM = wam_description()
+WAM = the_arm()
 MOTORS = WAM.motors
 STEP = 0.002
 PEAK = WAM.of_joints("peak_torque")

@@ -28,7 +28,7 @@ from dart_skill.arm import (
     Registration,
     Speed,
     same_plan,
-    wam_description,
+    the_arm,
 )
 from dart_skill.common.configuration import node_parameters
 
@@ -449,7 +449,7 @@ def test_an_answer_asks_no_joint_for_more_than_its_motor_has(plan):
     commander, model, peak = (
         Commander(limits),
         ArmModel(),
-        wam_description().of_joints("peak_torque"),
+        the_arm().of_joints("peak_torque"),
     )
     stamp = throwing(commander, plan)
     position = plan.start_posture + 0.3

@@ -10,10 +10,10 @@ import pybullet
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
-from dart_skill.arm import parse_description, wam_description, write_urdf
+from dart_skill.arm import parse_description, the_arm, write_urdf
 from dart_skill.common.configuration import load_yaml
 
-WAM = wam_description()
+WAM = the_arm()
 
 
 def turn_x(angle):

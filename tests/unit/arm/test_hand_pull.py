@@ -14,7 +14,7 @@ from dart_skill.arm import (
     JointServo,
     PoseGains,
     Reference,
-    wam_description,
+    the_arm,
 )
 from dart_skill.common.constants import Grip
 
@@ -27,14 +27,14 @@ FORCE = np.array([0.3, -0.2, 0.5])
 def pull_by(tracking: str) -> HandPull:
     settings = CommanderSettings.configured(tracking=tracking)
     servo = JointServo(Impedance(ArmModel(), settings.friction_compensation))
-    return HandPull(settings, wam_description(), servo)
+    return HandPull(settings, the_arm(), servo)
 
 
 def test_soft_joints_give_to_a_force_on_the_hand_what_the_compliance_says():
     """Joints that balance the torque of the force: by the forward kinematics."""
     model = ArmModel()
     torque = model.jacobian(POSTURE)[:3].T @ FORCE
-    balanced = POSTURE + torque / JointServo.FOLLOWING.stiffness
+    balanced = POSTURE + torque / the_arm().servo.following_stiffness
     moved = model.hand_pose(balanced)[0] - model.hand_pose(POSTURE)[0]
     compliance = pull_by("joints").yielding(POSTURE, GAINS, False).compliance
     np.testing.assert_allclose(compliance @ FORCE, moved, rtol=0.02, atol=2e-6)

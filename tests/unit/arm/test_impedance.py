@@ -17,11 +17,11 @@ from dart_skill.arm import (
     attractor_acceleration,
     minimum_jerk,
     rotation_error,
-    wam_description,
+    the_arm,
 )
 from tests.interpreted import interpreted
 
-WAM = wam_description()
+WAM = the_arm()
 POSTURE = np.array([0.1, 0.6, 0.2, 0.9, 0.1, 0.5, 0.1])
 GAINS = (200.0, 2 * np.sqrt(200.0))
 
@@ -292,9 +292,9 @@ def test_a_roll_that_friction_holds_in_spite_of_compensation_by_its_speed_follow
 def test_the_joint_servo_pulls_towards_the_wanted_motion_within_its_limits(model):
     servo, zero = JointServo(Impedance(model, friction_compensation=0.0)), np.zeros(7)
     near = servo.torque(POSTURE, zero, POSTURE + 1e-3, zero, zero)
-    np.testing.assert_allclose(near, JointServo.STIFFNESS * 1e-3)
+    np.testing.assert_allclose(near, the_arm().servo.stiffness * 1e-3)
     np.testing.assert_allclose(
-        servo.torque(POSTURE, zero, POSTURE - 1.0, zero, zero), -JointServo.LIMIT
+        servo.torque(POSTURE, zero, POSTURE - 1.0, zero, zero), -the_arm().servo.limit
     )
     acceleration = np.array([1.0, -2.0, 0.5, 1.0, 0.0, 3.0, -1.0])
     inertia = model.mass_matrix(POSTURE)
@@ -307,7 +307,7 @@ def test_the_damped_stop_only_brakes(model):
     servo, rng = JointServo(Impedance(model)), np.random.default_rng(3)
     for qd in rng.normal(0.0, 3.0, (20, 7)):
         torque = servo.damp(qd)
-        assert (torque * qd <= 0).all() and (np.abs(torque) <= 2 * JointServo.LIMIT).all()
+        assert (torque * qd <= 0).all() and (np.abs(torque) <= 2 * the_arm().servo.limit).all()
 
 
 @pytest.mark.parametrize("duration", [0.3, 2.0])
@@ -331,7 +331,11 @@ def test_minimum_jerk_begins_and_ends_at_rest_and_is_its_own_derivative(duration
 
 @pytest.mark.parametrize("time", [0.0, 0.05, 0.5])
 def test_a_braked_motion_dies_away_with_a_time_constant_that_the_torques_allow(model, time):
-    servo, limit, rng = JointServo(Impedance(model)), JointServo.LIMIT, np.random.default_rng(3)
+    servo, limit, rng = (
+        JointServo(Impedance(model)),
+        the_arm().servo.limit,
+        np.random.default_rng(3),
+    )
     for scale in (0.01, 10.0):
         q, qd, start, speed = (
             rng.normal(0.0, 1.0, (4, 7)) * np.array([0.01, 1.0, 0.01, scale])[:, None]

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import ArmModel, wam_description
+from dart_skill.arm import ArmModel, the_arm
 from dart_skill.simulation import ArmGeometry
 
-WAM = wam_description()
+WAM = the_arm()
 SHOULDER = WAM.mount_height + WAM.shoulder_height
 LOWER, UPPER = WAM.of_joints("lower"), WAM.of_joints("upper")
 N_POSTURES = 40

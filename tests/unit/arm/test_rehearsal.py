@@ -11,7 +11,7 @@ from dart_skill.arm import (
     Speed,
     rehearse,
     still_plan,
-    wam_description,
+    the_arm,
 )
 
 
@@ -19,7 +19,7 @@ from dart_skill.arm import (
 @pytest.mark.parametrize("tracking", ["joints", "hand", "none"])
 def test_a_rehearsal_goes_through_a_whole_motion(speed, tracking):
     commander = Commander(CommanderSettings.configured(tracking=tracking))
-    plan = still_plan(wam_description(), speed)
+    plan = still_plan(the_arm(), speed)
     assert plan.speed == speed
     assert rehearse(commander, plan) == [
         Mode.APPROACHING, Mode.SETTLING, Mode.EXECUTING, Mode.HOLDING
@@ -31,5 +31,5 @@ def test_a_limit_that_forbids_the_rehearsal_ends_it():
     settings = CommanderSettings.configured()
     low = replace(settings.limits, workspace_high=(1.2, 1.2, 0.5))
     commander = Commander(replace(settings, limits=low))
-    rehearse(commander, still_plan(wam_description()))
+    rehearse(commander, still_plan(the_arm()))
     assert "stopped" in commander.stopped_by and commander.reference is None

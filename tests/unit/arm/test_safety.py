@@ -12,7 +12,7 @@ from dart_skill.arm import (
     SafetyModule,
     Speed,
     check_push,
-    wam_description,
+    the_arm,
 )
 from tests.interpreted import interpreted
 
@@ -89,7 +89,7 @@ def test_the_arm_s_own_module_is_more_patient():
 
 @pytest.mark.parametrize("joint", range(7))
 def test_each_joint_has_its_torque_and_its_range(joint):
-    description = wam_description()
+    description = the_arm()
     torque, position = np.zeros(7), RESTING.copy()
     torque[joint] = -1.01 * description.of_joints("peak_torque")[joint]
     assert looked(torque=torque).fault.startswith(f"j{joint + 1} is asked for -")
@@ -136,7 +136,7 @@ def test_a_command_within_the_limits_is_left_alone():
 
 
 def test_a_command_is_weakened_to_what_gravity_leaves_of_the_limits():
-    strongest, rng = wam_description().of_joints("peak_torque"), np.random.default_rng(1)
+    strongest, rng = the_arm().of_joints("peak_torque"), np.random.default_rng(1)
     for q in rng.uniform(-1.5, 1.5, (20, 7)):
         wrench, torque = rng.normal(0.0, 80.0, 6), rng.normal(0.0, 5.0, 7)
         room = np.maximum(0.0, strongest - np.abs(MODEL.gravity_torque(q)))

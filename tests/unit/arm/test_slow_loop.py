@@ -8,10 +8,12 @@ import pytest
 from dart_skill.arm import (
     FILTER_TIME,
     TAKES_OUT,
+    ArmModel,
     CommanderSettings,
+    Impedance,
     JointServo,
     Mode,
-    wam_description,
+    the_arm,
 )
 from dart_skill.common.configuration import load_yaml
 from dart_skill.experiments.thesis.correction import (
@@ -28,7 +30,7 @@ from dart_skill.experiments.thesis.correction import (
 )
 from tests.unit.arm.test_commander import begin, finish  # noqa: F401
 
-REFLECTED = np.diag(wam_description().motors.reflected_inertia)
+REFLECTED = np.diag(the_arm().motors.reflected_inertia)
 STIFFNESS = np.array(load_yaml("fleet.yaml")["fleet"]["wam_simulator"]["joint_stiffness"]["times"])
 REAL = dict(
     joint_stiffness=tuple(STIFFNESS),
@@ -64,14 +66,14 @@ def encircles(response):
 @pytest.mark.parametrize("delay", [0, 1, 2])
 def test_the_servo_of_a_motion_that_is_fed_forward_is_stable_with_margin(joint, share, delay):
     """A modulus margin of 0.25 up to a delay of one period, and stable with two."""
-    gains = JointServo.FOLLOWING
+    gains = the_arm().servo
     for link in LINKS[joint]:
         response = loop(
             joint,
             link,
             share * STIFFNESS[joint],
-            gains.stiffness[joint],
-            gains.damping[joint],
+            gains.following_stiffness[joint],
+            gains.following_damping[joint],
             delay,
         )
         assert not encircles(response)
@@ -124,9 +126,9 @@ def test_what_takes_out_the_rest_costs_the_loop_little_of_its_margin(joint, shar
     """A little integral action leaves the loop stable; none up to that of careful motions brings
     it near to -1, so it stays so.
     """
-    gains, s = JointServo.FOLLOWING, 1j * np.logspace(-1, 3.3, 4000)
+    gains, s = the_arm().servo, 1j * np.logspace(-1, 3.3, 4000)
     for link in LINKS[joint]:
-        stiffness, damping = gains.stiffness[joint], gains.damping[joint]
+        stiffness, damping = gains.following_stiffness[joint], gains.following_damping[joint]
         plain = loop(joint, link, share * STIFFNESS[joint], stiffness, damping, delay)
         servo = stiffness + damping * s * SPEED_FILTER / (s + SPEED_FILTER)
         for rate in np.linspace(0.0, JointServo.TAKES_OUT, 6):
@@ -137,7 +139,10 @@ def test_the_rest_of_a_distance_is_taken_out_up_to_a_share_of_the_limits():
     """A joint that a constant torque pushes aside (gravity that is compensated for wrongly): by
     the servo alone it stays there.
     """
-    servo, mass = JointServo(None), np.array([1.0, 1.0, 0.5, 0.5, 0.05, 0.05, 0.01])
+    servo, mass = (
+        JointServo(Impedance(ArmModel())),
+        np.array([1.0, 1.0, 0.5, 0.5, 0.05, 0.05, 0.01]),
+    )
     push = np.array([4.0, -4.0, 2.0, 1.0, 0.5, -0.5, 0.2])
     wanted = np.zeros(7)
 
@@ -151,11 +156,11 @@ def test_the_rest_of_a_distance_is_taken_out_up_to_a_share_of_the_limits():
         return q, taken
 
     q, _ = rest(False)
-    assert q == pytest.approx(push / servo.FOLLOWING.stiffness, rel=1e-2)
+    assert q == pytest.approx(push / servo.gains.following_stiffness, rel=1e-2)
     q, taken = rest(True)
     assert np.abs(q).max() < 1e-4 and taken == pytest.approx(-push, rel=1e-2)
     far = servo.take_out(np.zeros(7), np.full(7, 3.0), wanted, 10.0)
-    assert far == pytest.approx(-servo.SHARE * servo.LIMIT)
+    assert far == pytest.approx(-servo.SHARE * servo.gains.limit)
 
 
 # the loop that is closed by what is seen

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import ArmModel, fixed_transforms, joint_transforms, wam_description
+from dart_skill.arm import ArmModel, fixed_transforms, joint_transforms, the_arm
 
 
 def test_the_chain_from_the_world_to_the_hand_is_forward_kinematics():
-    arm, model, rng = wam_description(), ArmModel(), np.random.default_rng(0)
+    arm, model, rng = the_arm(), ArmModel(), np.random.default_rng(0)
     base, mount = fixed_transforms(arm)
     for q in rng.uniform(-2.0, 2.0, size=(20, 7)):
         place, turn, frame = np.zeros(3), Rotation.identity(), "world"
@@ -28,4 +28,4 @@ def test_the_chain_from_the_world_to_the_hand_is_forward_kinematics():
 @pytest.mark.parametrize("position", [np.zeros(6), np.full(7, np.nan), np.zeros((2, 7))])
 def test_angles_of_another_arm_are_refused(position):
     with pytest.raises(ValueError, match="give 7 finite joint angles"):
-        joint_transforms(wam_description(), position)
+        joint_transforms(the_arm(), position)

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from dart_skill.arm import ArmModel, UrdfArm, arm_names, load_arm, read_urdf, urdf_ends
+from dart_skill.arm import ArmModel, UrdfArm, load_arm, read_urdf, urdf_ends
 from dart_skill.cli import main
+from dart_skill.common.configuration import arm_names
 
 
 def urdf_of(kinds, limits='lower="-2" upper="2" velocity="1" effort="10"', inertial=True):

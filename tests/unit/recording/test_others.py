@@ -28,7 +28,7 @@ from rosbags.interfaces import (
 )
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
-from dart_skill.arm import fixed_transforms, joint_transforms, wam_description, write_urdf
+from dart_skill.arm import fixed_transforms, joint_transforms, the_arm, write_urdf
 from dart_skill.recording import (
     BagReader,
     BagWriter,
@@ -313,7 +313,7 @@ def scene(tmp_path_factory):
     """A bag of an arm that moves, as the recorder writes it: description, transforms, joint
     states.
     """
-    path, arm = tmp_path_factory.mktemp("scene") / "bag", wam_description()
+    path, arm = tmp_path_factory.mktemp("scene") / "bag", the_arm()
     topics = {
         "/robot_description": TEXT,
         "/tf_static": TF,

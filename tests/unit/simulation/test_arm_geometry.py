@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import ArmModel, wam_description
+from dart_skill.arm import ArmModel, the_arm
 from dart_skill.simulation import ArmDynamics, ArmGeometry, connect
 from tests.interpreted import interpreted
 
@@ -44,7 +44,7 @@ def test_a_wrench_in_the_joints_is_that_of_the_transposed_jacobian():
 
 def test_the_arm_cannot_reach_the_floor():
     """The plant lets PyBullet not look for contacts between them."""
-    lower, upper = (wam_description().of_joints(end) for end in ("lower", "upper"))
+    lower, upper = (the_arm().of_joints(end) for end in ("lower", "upper"))
     arm, lowest = ArmGeometry(), np.inf
     for q in np.random.default_rng(2).uniform(lower, upper, size=(5000, 7)):
         ends, radii = arm.capsules(q)
@@ -66,7 +66,7 @@ def motions(n):
 @pytest.fixture
 def server():
     client = connect()
-    client.setGravity(0, 0, -wam_description().gravity)
+    client.setGravity(0, 0, -the_arm().gravity)
     yield client
     client.disconnect()
 
@@ -74,7 +74,7 @@ def server():
 @pytest.mark.parametrize("ball_in_hand", [False, True])
 def test_dynamics_are_those_of_the_controllers_model_from_other_frames(server, ball_in_hand):
     """PyBullet turns inertias to principal axes, which costs it some digits."""
-    arm = ArmDynamics(server, wam_description(), ball_in_hand)
+    arm = ArmDynamics(server, the_arm(), ball_in_hand)
     model = ArmModel(ball_in_hand=ball_in_hand)
     for q, qd in motions(20):
         gravity = arm.gravity_torque(q)

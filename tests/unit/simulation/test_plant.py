@@ -14,12 +14,12 @@ import pybullet
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import Actuation, ArmModel, Command, Grip, wam_description
+from dart_skill.arm import Actuation, ArmModel, Command, Grip, the_arm
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.flight import TENNIS_BALL, flight
 from dart_skill.simulation import Basket, Plant, PlantSettings, PlantState, connect
 
-WAM = wam_description()
+WAM = the_arm()
 STEP = 0.002
 RENEWED = 50
 """Number of episodes after which the physics server is another one."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy
 
-from dart_skill.arm import Actuation, ArmModel, Command, Grip, wam_description
+from dart_skill.arm import Actuation, ArmModel, Command, Grip, the_arm
 from dart_skill.common.configuration import node_parameters
 from dart_skill.simulation import Encoders, Plant, PlantSettings, Transmission
 from tests.interpreted import interpreted
@@ -15,9 +15,9 @@ STEP = 0.002
 DAMPING_RATIO = 0.05
 """Damping of a motor on its cable, in parts of the critical one."""
 STIFFNESS = np.array([9000.0, 9000.0, 5000.0, 3000.0, 800.0, 800.0, 200.0])
-REFLECTED = wam_description().motors.reflected_inertia
+REFLECTED = the_arm().motors.reflected_inertia
 INERTIA = np.diag([2.0, 2.5, 0.6, 0.5, 0.03, 0.04, 0.01])
-FRICTIONLESS = Actuation(wam_description(), friction_scale=0.0)
+FRICTIONLESS = Actuation(the_arm(), friction_scale=0.0)
 SETTINGS = PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator"))
 
 
@@ -125,7 +125,7 @@ def test_an_elastic_arm_gives_way_by_torque_over_stiffness(plants):
 def test_static_friction_holds_more_than_coulomb_friction(plants):
     """Between the two a joint stays where it is, or slides."""
     torque = np.zeros(7)
-    torque[0] = 1.25 * wam_description().of_joints("coulomb_friction")[0]
+    torque[0] = 1.25 * the_arm().of_joints("coulomb_friction")[0]
     moved = {}
     for stiction in (0.0, 0.5):
         plant = plants(stiction=stiction, gravity_error=0.0)
@@ -163,7 +163,7 @@ def test_exact_encoders_say_what_is_and_a_reset_begins_anew():
 
 def test_compiled_and_interpreted_have_the_same_bits():
     plain, rng = interpreted("dart_skill.simulation._transmission"), np.random.default_rng(0)
-    kinds, actuation = (Transmission, plain.Transmission), Actuation(wam_description())
+    kinds, actuation = (Transmission, plain.Transmission), Actuation(the_arm())
     pair = [kind(STIFFNESS, REFLECTED, actuation) for kind in kinds]
     readers = [
         kind(0.01 * STIFFNESS / 9000.0, 1e-4, 180.0, STEP) for kind in (Encoders, plain.Encoders)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dart_skill.arm import DART, wam_description
+from dart_skill.arm import DART, the_arm
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.common.world import the_world
 from dart_skill.darts import as_target
@@ -98,8 +98,8 @@ def test_a_setting_that_makes_no_sense_is_refused(content, why):
 
 
 def test_the_hand_holds_a_dart(darts):
-    assert darts.loaded(wam_description()).ball is DART
-    assert Throw().loaded(wam_description()).ball is wam_description().ball
+    assert darts.loaded(the_arm()).ball is DART
+    assert Throw().loaded(the_arm()).ball is the_arm().ball
 
 
 def test_its_world_has_a_dart_and_a_board_that_stays(darts):

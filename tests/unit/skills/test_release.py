@@ -22,7 +22,7 @@ from dart_skill.arm import (
     PlanRefused,
     Registration,
     check_plan,
-    wam_description,
+    the_arm,
 )
 from dart_skill.common.flight import DART, TENNIS_BALL, crossing, landing
 from dart_skill.common.surface import BASKETS, RIMS, BoardFace, Game, game_at
@@ -41,7 +41,7 @@ from dart_skill.skills.learning import (
 )
 
 VACUUM = Game(replace(TENNIS_BALL, drag_coefficient=0.0), RIMS)
-GRIP = wam_description().hand.ball_centre
+GRIP = the_arm().hand.ball_centre
 RATE, LENGTH, SHOULDER, RIM = 3.0, 0.8, 1.4, 0.4
 """An arm that turns about the y axis through a shoulder above the base: rate [rad/s], length to
 the ball [m], heights [m].
@@ -218,7 +218,7 @@ def test_a_release_that_is_moved_is_moved_only_where_the_teacher_decides_it(demo
 
 
 def test_an_arm_is_stretched_when_its_hand_passes_its_reach():
-    arm, time = wam_description(), np.arange(0.0, 1.0, 0.05)
+    arm, time = the_arm(), np.arange(0.0, 1.0, 0.05)
     shoulder = np.array([0.0, 0.0, arm.mount_height + arm.shoulder_height])
     position = shoulder + np.outer(arm.reach - 0.1 + 0.2 * time, [0.6, 0.0, 0.8])
     assert stretched_at(time, position) == pytest.approx((0.1 - STRETCHED) / 0.2, abs=1e-9)
@@ -236,10 +236,10 @@ def test_a_hand_that_would_go_beyond_the_arms_reach_lets_go_before(demonstration
         check_plan(
             learn_throwing(few, configuration("shown_release")).plan(target),
             CommanderSettings.configured(),
-            wam_description(),
+            the_arm(),
         )
     plan = learn_throwing(few).plan(target)
-    check_plan(plan.as_the_arm_has_it(), CommanderSettings.configured(), wam_description())
+    check_plan(plan.as_the_arm_has_it(), CommanderSettings.configured(), the_arm())
     assert_allclose(plan.thrown.landing, target, atol=5e-3)
 
 

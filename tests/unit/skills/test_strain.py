@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dart_skill.arm import ArmModel, wam_description
+from dart_skill.arm import ArmModel, the_arm
 from dart_skill.common.configuration import load_yaml
 from dart_skill.recording import read_demonstrations
 from dart_skill.skills.learning import NoPlan, strain
@@ -16,7 +16,7 @@ from dart_skill.skills.protocol import load_skill
 from tests.paths import BAGS
 
 THROW = load_skill("throw")
-FASTEST = wam_description().of_joints("no_load_speed")
+FASTEST = the_arm().of_joints("no_load_speed")
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def at_release(one, joint, angle=None, speed=None):
 
 def reach(angle):
     """Distance of the hand from the shoulder with the elbow at an angle [m]."""
-    d = wam_description()
+    d = the_arm()
     hand = ArmModel().hand_pose(np.array([0.0, 0.0, 0.0, angle, 0.0, 0.0, 0.0]))[0]
     return np.linalg.norm(hand - [0.0, 0.0, d.mount_height + d.shoulder_height])
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import ArmModel, CommanderSettings, check_plan, same_plan, wam_description
+from dart_skill.arm import ArmModel, CommanderSettings, check_plan, same_plan, the_arm
 from dart_skill.common.flight import landing
 from dart_skill.movement import azimuth_frame, azimuth_of, azimuth_target_frame
 from dart_skill.recording import Demonstration
@@ -72,7 +72,7 @@ def flown(plan):
     by finite differences.
     """
     grip = plan.path.position + Rotation.from_quat(plan.path.quaternion).apply(
-        wam_description().hand.ball_centre
+        the_arm().hand.ball_centre
     )
     velocity = np.gradient(grip, plan.path.time, axis=0, edge_order=2)
     at_release = [
@@ -301,7 +301,7 @@ def test_the_plan_looks_like_the_demonstrations(skill, new_plan):
 
 
 def test_the_commander_accepts_the_plan(new_plan):
-    check_plan(new_plan, CommanderSettings.configured(), wam_description())
+    check_plan(new_plan, CommanderSettings.configured(), the_arm())
     position, _ = ArmModel().hand_pose(new_plan.start_posture)
     assert np.linalg.norm(position - new_plan.path.position[0]) < 0.02
 
@@ -578,7 +578,7 @@ def test_an_ellipsoid_is_the_covariance_of_the_positions(skill):
 
 def test_the_release_of_every_demonstration_is_consistent_with_its_flight(demonstrations):
     for d in demonstrations:
-        grip = wam_description().hand.ball_centre
+        grip = the_arm().hand.ball_centre
         release = fit_release(
             d.moved.time, d.moved.position, d.hand_time, d.hand_position, d.hand_quaternion, grip
         )

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from websockets.exceptions import ConnectionClosed
 
 from dart_skill import view
-from dart_skill.arm import ArmModel, fixed_transforms, joint_transforms, wam_description
+from dart_skill.arm import ArmModel, fixed_transforms, joint_transforms, the_arm
 from dart_skill.common.regions import Region
 from dart_skill.mixture import GaussianMixture
 from dart_skill.simulation import ArmGeometry, Camera
@@ -75,7 +75,7 @@ def pose_in_world(scene, path):
 
 def path_of_link(name):
     """Path of a link in the scene, behind those that it hangs on."""
-    arm = wam_description()
+    arm = the_arm()
     base, hand = fixed_transforms(arm)
     parents = {one.child: one.parent for one in (base, *joint_transforms(arm, arm.home), hand)}
     return "/arm" if name == "world" else f"{path_of_link(parents[name])}/{name}"
@@ -132,7 +132,7 @@ def test_a_mesh_is_turned_and_then_shifted():
 def test_the_arm_stands_where_the_kinematics_say(scene):
     rng, model = np.random.default_rng(0), ArmModel()
     for _ in range(5):
-        q = rng.uniform(wam_description().of_joints("lower"), wam_description().of_joints("upper"))
+        q = rng.uniform(the_arm().of_joints("lower"), the_arm().of_joints("upper"))
         scene.move_arm(q + 0.01)  # so that every joint moves by what is worth sending
         scene.move_arm(q)
         position, rotation = pose_in_world(scene, path_of_link("bhand_base"))
@@ -146,7 +146,7 @@ def test_the_shapes_of_the_arm_are_its_capsules(scene):
     scene.move_arm(q)
     ends, radii = ArmGeometry().capsules(q)
     drawn = []
-    for link in {capsule.link for capsule in wam_description().capsules}:
+    for link in {capsule.link for capsule in the_arm().capsules}:
         position, rotation = pose_in_world(scene, path_of_link(link))
         drawn.append(node(scene, f"{path_of_link(link)}/shape").vertices @ rotation.T + position)
     drawn = np.concatenate(drawn)
