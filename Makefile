@@ -1,5 +1,5 @@
 # make demo    teach, learn, and throw at ten baskets       make demo ARGS="--seed 3 --output /somewhere"
-# make test    the tests, but for some that take long
+# make test    the tests, but for some that take long; prints the 20 slowest
 # make test-all  every test
 # make test-oldest  unit tests of the library with the oldest NumPy, SciPy and Matplotlib that it takes
 # make setup   only the environment and the build           make setup PYTHON=python3.12
@@ -36,7 +36,7 @@ TESTS := tests/integration tests/foreign_arm tests/reference tests/unit
 # Types are checked beside the tests, for mypy uses one core only; what it says comes at the end.
 define run_tests
 	@$(ENV) && python3 -m ruff check .
-	@$(ENV) && { python3 -m mypy > build/types.txt 2>&1 & } && { python3 -m pytest $(TESTS) $(1) -n 3 --dist loadfile --no-loadscope-reorder || \
+	@$(ENV) && { python3 -m mypy > build/types.txt 2>&1 & } && { python3 -m pytest $(TESTS) $(1) -n 3 --dist loadfile --no-loadscope-reorder --durations=20 || \
 	  { [ $$? = 1 ] && python3 tools/try_again.py $(1); }; } && wait $$! && tail -n 1 build/types.txt || { cat build/types.txt; exit 1; }
 endef
 

@@ -17,6 +17,8 @@ RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PEERS = "ROS_STATIC_PEERS"
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 """Where Fast DDS finds its profiles, up to version 2 and from 3 on."""
+OURS = ("loopback", "network")
+"""Our profiles: config/fastdds_*.xml say what each is for."""
 
 FIRST_LOCK_PORT = 7200
 """Domain d is taken by the process that holds UDP port 7200 + d; DDS uses ports from 7400 on."""
@@ -26,23 +28,24 @@ _TAKEN: list[socket.socket] = []
 def stay_on_this_machine() -> None:
     """Limit discovery to this machine, unless the user chose otherwise. Call before rclpy starts."""
     os.environ.setdefault(RANGE, "LOCALHOST")
-    hear_loopback_alone()
+    choose_profile()
     find_log_folder()
 
 
-def hear_loopback_alone() -> None:
-    """Where discovery is limited to this machine, let sockets of DDS listen on 127.0.0.1 alone,
-    unless the user chose profiles or named peers. Else they listen on every address, whatever the
-    range of discovery. Call before rclpy starts.
+def choose_profile() -> None:
+    """Give Fast DDS the profile of this machine alone, with which its sockets listen on 127.0.0.1,
+    where discovery is limited to it and no peers are named; else that of a network. With neither,
+    sockets listen on every address, and readers may hear nothing. A profile of the user's stays.
+    Call before rclpy starts.
     """
-    ours = str(config_path("fastdds_loopback.xml"))
+    loopback, network = (str(config_path(f"fastdds_{name}.xml")) for name in OURS)
     limited = os.environ.get(RANGE) == "LOCALHOST" and not os.environ.get(PEERS)
-    chosen = any(os.environ.get(name) not in (None, "", ours) for name in PROFILES)
+    # ours may be there, of a process that started this one, before the range was changed
+    chosen = any(os.environ.get(name) not in (None, "", loopback, network) for name in PROFILES)
     for name in PROFILES:
-        if limited and not chosen:
-            os.environ[name] = ours
-        elif os.environ.get(name) == ours:
-            # of a process that started this one, before the range was changed
+        if not chosen:
+            os.environ[name] = loopback if limited else network
+        elif os.environ.get(name) in (loopback, network):
             del os.environ[name]
 
 

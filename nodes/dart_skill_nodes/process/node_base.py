@@ -20,7 +20,7 @@ from dart_skill_nodes.comms.names import DIAGNOSTICS, diagnostic_name, in_namesp
 from dart_skill_nodes.comms.presence import be_alive
 from dart_skill_nodes.comms.qos import STATUS, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, in_a_line
-from dart_skill_nodes.process.environment import Interrupts, find_log_folder, hear_loopback_alone
+from dart_skill_nodes.process.environment import Interrupts, choose_profile, find_log_folder
 from dart_skill_nodes.process.parameters import heed_arguments, unknown_parameters
 
 ENDS_WITHIN = 0.1
@@ -98,7 +98,7 @@ def run(
         heed_arguments(make_nodes, program)
     # or the interpreter looks through all that was imported once more before it ends
     atexit.register(gc.freeze)
-    hear_loopback_alone()
+    choose_profile()
     find_log_folder()
     interrupts = Interrupts()
     nodes: list[Node] = []
