@@ -24,6 +24,7 @@ from dart_skill.movement import (
     DiscretePrimitive,
     PrimitiveCourse,
     SeenMovement,
+    TaskFrame,
     ahead_gain,
     answers,
     choose_goal_window,
@@ -115,7 +116,9 @@ class Primitives(ClockedRepresentation, Generic[AnyPrimitive]):
         self._learned = [
             self._features(np.hstack([one.places.at_rest(share), one.turns])) for one in seen
         ]
-        self.primitive = self._kind(self.settings.components, goal_window=window)
+        # among bodies that move a movement is cut where the hand moves already, and it begins at rest
+        how = "path" if self.reacts else "joint"
+        self.primitive = self._kind(self.settings.components, goal_window=window, regression=how)
         self.primitive.fit([self._clock] * len(seen), self._learned)
         self._left = [rows - self._again(rows) for rows in self._learned]
         self._spread = np.sqrt(
@@ -143,9 +146,11 @@ class Primitives(ClockedRepresentation, Generic[AnyPrimitive]):
             frame = self._goal_frame(movement.situation)
             return np.tile(frame.rotation, (n, 1, 1)), np.tile(frame.position, (n, 1))
         along = [one.frame for one in frames_along(self.shown, movement, self._clock)[-1]]
-        return np.array([one.A[-3:, -3:] for one in along]), np.array(
-            [one.b[-3:] for one in along]
-        )
+        axes, origin = (np.array([part(one) for one in along]) for part in (_axes, _origin))
+        # far from the frame its noise of orientation would be one of the place
+        turns = np.hstack([origin, quaternions.of_matrices(axes)])
+        smooth = pose_motion(self._clock, turns).pose
+        return quaternions.matrices(smooth[:, 3:]), smooth[:, :3]
 
     def _goal_frame(self, situation: Situation) -> Pose:
         return self.shown.skill.chosen_frames(situation)[-1]
@@ -333,6 +338,14 @@ class PosePrimitive(Primitives[DiscretePosePrimitive]):
             *(time, share, rest, primitive.goal_, spread, s.stiffness, phase_rule(s)),
             start_turn=primitive.start_turn_,
         )
+
+
+def _axes(frame: TaskFrame) -> np.ndarray:
+    return frame.A[-3:, -3:]
+
+
+def _origin(frame: TaskFrame) -> np.ndarray:
+    return frame.b[-3:]
 
 
 def _row(pose: Pose) -> np.ndarray:
