@@ -80,7 +80,11 @@ def test_every_part_that_is_offered_can_be_chosen(name, kind):
         ("darts", {"practice": "power"}, "those of baskets"),
         ("reach", {"practice": "power"}, "choose one of bootstrap, none, residual"),
         ("throw", {"targets": "best_aim"}, "choose one of drawn, worst"),
-        ("place", {"representation": "splines"}, "choose one of autonomous, dmp, dsgmr, intervals"),
+        (
+            "place",
+            {"representation": "splines"},
+            "choose one of autonomous, dmp, dsgmr, intervals",
+        ),
         ("place", {"compnents": 8}, "settings of 'place': compnents is no setting"),
         ("place", {"components": "many"}, "components is 'many'; it must be of type int"),
         ("throw", {"prior": 3.0}, "prior is no setting"),
