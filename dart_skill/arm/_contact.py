@@ -83,6 +83,12 @@ class ContactSearch:
         """Whether the hand is held back now."""
         return self._axis is not None
 
+    def searches(self, time: float) -> bool:
+        """Whether the hand is held back, or on its way back from there, so long after the motion
+        began [s].
+        """
+        return self.touches or time < self._backs_until
+
     def across(self, way: np.ndarray) -> np.ndarray:
         """What of a way (3,) is across the motion that is held back; all of it where none is."""
         return way if self._axis is None else way - (way @ self._axis) * self._axis

@@ -169,7 +169,7 @@ class PlanGuide:
         reference = self._references.at(time)
         return Guidance(
             time=time,
-            reference=reference if rate == 1.0 else paced(reference, rate),
+            reference=reference if rate == 1.0 else self._at_rate(reference, rate),
             gains=self._references.gains_at(time),
             grip=grip,
             carries=carries,
@@ -178,6 +178,10 @@ class PlanGuide:
             fault=self._fingers.fault,
             posture=self._references.posture_at(time),
         )
+
+    def _at_rate(self, reference: Reference, rate: float) -> Reference:
+        """The reference while the state of the hand makes the clock go at another rate."""
+        return paced(reference, rate)
 
     def _off(self, reference: Reference, hand: HandState) -> float:
         """From the point of the plan; where the hand may be late, from the path about that point."""
@@ -201,7 +205,7 @@ class CarefulGuide(PlanGuide):
         Of the cameras that see the hand; default: they agree with the arm.
     contact_force
         With which what the hand carries is pressed against what it touches [N]; default: contact is
-        not felt, as with a plan that has a pace.
+        not felt, as where the pace of a plan makes it wait.
     pull
         How far the hand gives way to a force.
     """
@@ -216,7 +220,7 @@ class CarefulGuide(PlanGuide):
     ):
         super().__init__(plan, follow_time)
         self._hand_seen, self._rest = HandSeen(HAND, registration), RestTakenOut()
-        self._contact = ContactSearch(contact_force if plan.pace is None else math.inf)
+        self._contact = ContactSearch(contact_force)
         self._pull = pull
         self._then, self._waited, self._eased = 0.0, 0.0, 1.0
 
@@ -229,15 +233,17 @@ class CarefulGuide(PlanGuide):
         step = time - self._then
         self._then = time
         seen = self._hand_seen.offset(stamp_ns, hand.position, hand.rotation)
-        planned = super().look(time - self._waited, hand, stamp_ns)
+        planned = super().look(time - self._waited, self._as_seen(hand, seen), stamp_ns)
         velocity, carries = planned.reference.velocity[:3], planned.carries
         aim = planned.reference.position - seen.shift + self._contact.aside
         pull = partial(self._pull, planned.gains, carries)
         yields = partial(pull, self._contact.touches)
         slower = velocity - hand.velocity[:3]
-        rate = self._contact.rate(
-            time, step, hand.position, aim, velocity, slower, carries, yields
-        )
+        rate = 1.0
+        if self._clock is None or not self._clock.waits or self._contact.searches(time):
+            rate = self._contact.rate(
+                time, step, hand.position, aim, velocity, slower, carries, yields
+            )
         change = self._ease(stamp_ns, step)
         rate, change = (self._eased, change) if rate == 1.0 else (rate, 0.0)
         # the way back ends where the plan begins
@@ -260,9 +266,21 @@ class CarefulGuide(PlanGuide):
             touches=self._contact.touches,
         )
 
+    def _as_seen(self, hand: HandState, seen: SeenOffset) -> HandState:
+        """The hand that drives a clock is where the cameras see it, as a late one must not be one
+        that the encoders have elsewhere.
+        """
+        if self._clock is None:
+            return hand
+        return replace(hand, position=hand.position + seen.shift)
+
+    def _at_rate(self, reference: Reference, rate: float) -> Reference:
+        """As of `PlanGuide`; a hand that is held is not pulled on, either."""
+        return slowed(reference, rate) if rate < 1.0 else paced(reference, rate)
+
     def _ease(self, stamp_ns: int, step: float) -> float:
         """Slow down while the cameras do not see the hand, or go on; the change of the rate [1/s]."""
-        lost = self.plan.pace is None and self._hand_seen.is_lost(stamp_ns)
+        lost = self._hand_seen.is_lost(stamp_ns)
         change = ((UNSEEN if lost else 1.0) - self._eased) / max(step, EASES)
         self._eased += change * step
         return change
@@ -323,7 +341,10 @@ class Fingers:
 
 
 class PlanClock:
-    """The clock of a plan, which the state of the hand drives (`Pace`)."""
+    """The clock of a plan, which the state of the hand drives (`Pace`).
+
+    Attribute: rate, of the last step; 1 as planned.
+    """
 
     def __init__(self, pace: Pace, instants: np.ndarray, fingers: Fingers):
         self._rule, self._gain, self._instants, self._fingers = (
@@ -332,20 +353,28 @@ class PlanClock:
             instants.tolist(),
             fingers,
         )
-        self._now, self._then = 0.0, 0.0
+        self._now, self._then, self.rate = 0.0, 0.0, 1.0
+
+    @property
+    def waits(self) -> bool:
+        """Whether the clock would wait now for a hand that is held back."""
+        return bool(self._gain[self._row].any())
+
+    @property
+    def _row(self) -> int:
+        return min(max(bisect_right(self._instants, self._now) - 1, 0), len(self._instants) - 1)
 
     def at(self, time: float, hand: HandState, references: References) -> tuple[float, float]:
         """Time on the clock, and its rate, so long after the motion began [s]."""
         step = time - self._then
         self._then = time
-        rate = self._rate(hand, references.at(self._now))
-        self._now = min(
-            self._fingers.held(self._now, self._now + rate * step, rate, step), self._instants[-1]
-        )
+        self.rate = rate = self._rate(hand, references.at(self._now))
+        later = self._fingers.held(self._now, self._now + rate * step, rate, step)
+        self._now = min(max(later, 0.0), self._instants[-1])
         return self._now, rate
 
     def _rate(self, hand: HandState, reference: Reference) -> float:
-        k = min(max(bisect_right(self._instants, self._now) - 1, 0), len(self._instants) - 1)
+        k = self._row
         error = -rotation_error(reference.rotation, hand.rotation)
         ahead = float(
             self._gain[k]

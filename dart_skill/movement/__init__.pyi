@@ -17,6 +17,7 @@ from dart_skill.movement._autonomous import AutonomousPolicy as AutonomousPolicy
 from dart_skill.movement._autonomous import Moment as Moment
 from dart_skill.movement._autonomous import StateDriven as StateDriven
 from dart_skill.movement._autonomous import StateFrame as StateFrame
+from dart_skill.movement._autonomous import Turning as Turning
 from dart_skill.movement._autonomous import lift as lift
 from dart_skill.movement._differentiation import Motion as Motion
 from dart_skill.movement._differentiation import estimate_noise as estimate_noise
@@ -47,11 +48,18 @@ from dart_skill.movement._patterns import Patterns as Patterns
 from dart_skill.movement._patterns import find_patterns as find_patterns
 from dart_skill.movement._patterns import resampled as resampled
 from dart_skill.movement._patterns import warped_distance as warped_distance
+from dart_skill.movement._primitive_course import PrimitiveCourse as PrimitiveCourse
+from dart_skill.movement._primitive_course import SeenMovement as SeenMovement
+from dart_skill.movement._primitive_course import ahead_gain as ahead_gain
+from dart_skill.movement._primitive_course import answers as answers
+from dart_skill.movement._primitive_course import choose_goal_window as choose_goal_window
+from dart_skill.movement._primitive_course import goal_share as goal_share
 from dart_skill.movement._primitives import DiscretePrimitive as DiscretePrimitive
 from dart_skill.movement._primitives import Execution as Execution
 from dart_skill.movement._primitives import PrimitiveState as PrimitiveState
 from dart_skill.movement._primitives import RhythmicPrimitive as RhythmicPrimitive
 from dart_skill.movement._primitives import Trajectory as Trajectory
+from dart_skill.movement._reactive import PhaseModel as PhaseModel
 from dart_skill.movement._reactive import Reaction as Reaction
 from dart_skill.movement._reactive import ReactivePolicy as ReactivePolicy
 from dart_skill.movement._sample_faults import SampleFaults as SampleFaults

@@ -29,7 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -540,6 +540,16 @@ def correction(
     )
 
 
+class Turning(NamedTuple):
+    """Orientation of a hand that turns (3, 3), angular velocity (3,) [rad/s] and acceleration (3,)
+    [rad/s^2], at the pace that was shown.
+    """
+
+    rotation: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class Moment:
     """What belongs to one phase: state (2d,), position over velocity.
@@ -556,6 +566,8 @@ class Moment:
     alone : (2d,)
         Share of velocity and acceleration that is not the motion of the frames: what the phase
         makes of them.
+    turning
+        Of the hand; None: it keeps the orientation of the start.
     """
 
     state: np.ndarray
@@ -564,6 +576,7 @@ class Moment:
     spread: np.ndarray
     acceleration: np.ndarray
     alone: np.ndarray
+    turning: Turning | None = None
 
     def paced(self, rate: float) -> tuple[np.ndarray, np.ndarray]:
         """Velocity and acceleration (d,) each while the phase goes on at a rate. Slower is what the

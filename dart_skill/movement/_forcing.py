@@ -160,6 +160,12 @@ def blend(progress: np.ndarray) -> np.ndarray:
     return BLEND(np.clip(progress, 0.0, 1.0))
 
 
+def within(progress: np.ndarray, window: tuple[float, float]) -> np.ndarray:
+    """Progress (n,) as a share of a window of it, 0 before and 1 afterwards."""
+    begins, ends = window
+    return np.clip((progress - begins) / (ends - begins), 0.0, 1.0)
+
+
 def blend_attractor(stiffness: float, damping: float) -> Polynomial:
     """(7.20) for the blend over s in [0, 1]: the attractor that makes a spring-damper move along
     it.

@@ -42,7 +42,7 @@ from copy import copy
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.common.checks import as_count, as_finite, as_number
+from dart_skill.common.checks import as_count, as_finite, as_number, as_vector
 from dart_skill.movement._demonstrations import (
     ShownMovement,
     as_demonstrations,
@@ -59,6 +59,7 @@ from dart_skill.movement._forcing import (
     blend_attractor,
     divide,
     integrate,
+    within,
 )
 from dart_skill.movement._primitive import (
     Execution,
@@ -98,6 +99,9 @@ class DiscretePrimitive(Primitive):
         Bool, default False. True: f is multiplied by z, so that it fades.
     goal_path
         "smooth" (default) or "fixed" as in (7.8).
+    goal_window
+        Two numbers in [0, 1], default (0, 1). Shares of the duration between which a smooth goal
+        path leads from the start to the goal; before, it is at the start, afterwards at the goal.
     regression
         "joint" (default), "local" as in (7.13), or "path". The first two fit accelerations. "path"
         then finds the weights and the speed at the start for which the movement itself is nearest
@@ -121,6 +125,7 @@ class DiscretePrimitive(Primitive):
         canonical_decay: float = 4.6,
         phase_scaled: bool = False,
         goal_path: str = "smooth",
+        goal_window: tuple[float, float] = (0.0, 1.0),
         regression: str = "joint",
     ):
         n_basis, decay = (
@@ -146,7 +151,9 @@ class DiscretePrimitive(Primitive):
         )
         self.regression = regression
         self.canonical_decay, self.phase_scaled, self.goal_path = decay, phase_scaled, goal_path
-        self._smooth_path = blend_attractor(self.stiffness, self._damping)
+        self.goal_window = as_window(goal_window)
+        length = self.goal_window[1] - self.goal_window[0]
+        self._smooth_path = blend_attractor(self.stiffness * length**2, self._damping * length)
 
     def fit(
         self,
@@ -311,7 +318,17 @@ class DiscretePrimitive(Primitive):
         """g of (7.8) as a share of the way from start to goal."""
         if self.goal_path == "fixed":
             return np.ones(len(progress))
-        return self._smooth_path(np.clip(progress, 0.0, 1.0))
+        return self._smooth_path(within(progress, self.goal_window))
+
+
+def as_window(window: ArrayLike) -> tuple[float, float]:
+    """Two shares of the duration, the first less than the second, checked."""
+    begins, ends = as_vector(window, "goal_window", 2).tolist()
+    if not 0.0 <= begins < ends <= 1.0:
+        raise ValueError(
+            f"goal_window must be two shares in order, between 0 and 1, got {begins:g}, {ends:g}"
+        )
+    return begins, ends
 
 
 CYCLE_STEPS = 200

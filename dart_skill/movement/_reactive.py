@@ -1,17 +1,47 @@
-"""An autonomous DS-GMR that is asked while the robot moves: at every step, with the state and the
-frames of now (thesis chapter 9).
+"""A model that is asked while the robot moves: at every step, with the state and the frames of now
+(thesis chapter 9).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_number, as_vector
-from dart_skill.movement._autonomous import AutonomousDSGMR, Moment, StateFrame
+from dart_skill.common.pace import PhaseRule
+from dart_skill.movement._autonomous import Moment, StateFrame
+
+
+class PhaseModel(Protocol):
+    """What the state may drive: `AutonomousDSGMR`, or `PrimitiveCourse`."""
+
+    @property
+    def n_inputs(self) -> int:
+        """Number of further inputs."""
+
+    @property
+    def rule(self) -> PhaseRule:
+        """How the state changes the phase."""
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """First and last phase [s]."""
+
+    @property
+    def stiffness(self) -> ArrayLike:
+        """Of (7.19) [1/s^2]."""
+
+    @property
+    def damping(self) -> ArrayLike:
+        """Of (7.19) [1/s]."""
+
+    def moment(
+        self, frames: Sequence[StateFrame], phase: float, inputs: ArrayLike | None = None
+    ) -> Moment:
+        """What belongs to one phase [s], in frames as they are now."""
 
 
 class Reaction(NamedTuple):
@@ -37,12 +67,12 @@ class ReactivePolicy:
     Parameters
     ----------
     model
-        An `AutonomousDSGMR` that was fitted.
+        That was fitted.
     inputs
         Its further inputs (q,), default None.
     """
 
-    def __init__(self, model: AutonomousDSGMR, inputs: ArrayLike | None = None):
+    def __init__(self, model: PhaseModel, inputs: ArrayLike | None = None):
         self._model, self._inputs = model, inputs
         self.phase, self._end = model.ends
 

@@ -605,6 +605,18 @@ TYPED = {
     "dart-skill experiment place --jobs 2": Run(
         "--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts are in their holders", slow=True
     ),
+    "dart-skill experiment place --seeds 4 --parts 5 --demonstrations 1 --set skill.representation=dmp": Run(
+        "--seeds 1 --parts 1", says="in their holders", slow=True
+    ),
+    "dart-skill experiment place --arm fleet --first-seed 3000 --seeds 4 --set skill.representation=dmp": Run(
+        "--seeds 1 --parts 1 --demonstrations 1", says="in their holders", slow=True
+    ),
+    "dart-skill experiment reach --seeds 2 --cups 4 --held 2 --set skill.representation=dmp": Run(
+        "--seeds 1 --cups 1 --demonstrations 1 --held 1", says="the phase goes on by", slow=True
+    ),
+    "dart-skill experiment reach --arm fleet --first-seed 3000 --seeds 4 --cups 3 --held 1 --set skill.representation=dmp": Run(
+        "--seeds 1 --cups 1 --demonstrations 1 --held 0", says=r"of 1 ", slow=True
+    ),
     "dart-skill experiment place --jobs 2 --set skill.representation=dsgmr": Run(
         "--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts are in their holders", slow=True
     ),

@@ -5,6 +5,7 @@ where the hand points along an axis. What is here has no such place. A pose is a
 quaternion x, y, z, w. q and -q are one orientation.
 """
 
+from dart_skill.movement.pose._course import PosePrimitiveCourse, pose_answers
 from dart_skill.movement.pose._ds_gmr import PoseDSGMR, PoseReproduction
 from dart_skill.movement.pose._em import PoseFrame
 from dart_skill.movement.pose._gaussians import PoseMixture, product_of_poses
@@ -35,6 +36,7 @@ __all__ = [
     "PoseFrame",
     "PoseMixture",
     "PoseMotion",
+    "PosePrimitiveCourse",
     "PoseReproduction",
     "PoseState",
     "PoseTrajectory",
@@ -46,6 +48,7 @@ __all__ = [
     "logarithm",
     "mean_point",
     "parallel_transport",
+    "pose_answers",
     "pose_attractor",
     "pose_motion",
     "product_of_poses",

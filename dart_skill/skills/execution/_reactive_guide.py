@@ -26,8 +26,9 @@ from dart_skill.arm import (
     rotation_error,
     shifted,
 )
+from dart_skill.common.quaternions import from_vectors, matrices
 from dart_skill.movement import (
-    AutonomousDSGMR,
+    PhaseModel,
     Reaction,
     ReactivePolicy,
     StateFrame,
@@ -72,12 +73,14 @@ class ReactiveSettings:
 
 
 class ReactiveGuide:
-    """A `Guide` for the position of the hand; its orientation stays that of the start.
+    """A `Guide` for the position of the hand; its orientation stays that of the start, unless the
+    model turns it.
 
     Parameters
     ----------
     model
-        Fitted over [t, x, y, z], so that its movement variables are the position of the hand.
+        Fitted over [t, x, y, z], so that its movement variables are the position of the hand; it
+        may turn the hand, too.
     frames
         From bodies to task frames.
     bodies
@@ -103,7 +106,7 @@ class ReactiveGuide:
 
     def __init__(
         self,
-        model: AutonomousDSGMR,
+        model: PhaseModel,
         frames: Frames,
         bodies: Sequence[str],
         start_posture: np.ndarray,
@@ -201,17 +204,27 @@ class ReactiveGuide:
         """The hand is expected where the model has it at this phase. It moves as it does there, at
         the rate of the phase but no faster, and with its frames, which do not wait.
         """
-        k, d, rest = self._gains.stiffness[:3], self._gains.damping[:3], np.zeros(3)
+        k, d = self._gains.stiffness[:3], self._gains.damping[:3]
         position = reaction.moment.state[:3]
         velocity, acceleration = reaction.moment.paced(self._pace)
         # (7.20): the attractor of a motion that waits does not pull it on
         attractor = position + (d * velocity + acceleration) / k
         nearer = self._too_far(position - hand.position - seen.shift)
-        motion = np.append(velocity, rest), np.append(acceleration, rest)
-        wanted = Reference(
-            attractor - nearer, self._rotation, position - nearer, self._rotation, *motion
-        )
+        ahead, rotation, spin, growth = self._turned(reaction)
+        motion = np.append(velocity, spin), np.append(acceleration, growth)
+        wanted = Reference(attractor - nearer, ahead, position - nearer, rotation, *motion)
         return shifted(wanted, seen)
+
+    def _turned(self, reaction: Reaction) -> tuple[np.ndarray, ...]:
+        """Attractor (7.20) and orientation of the hand (3, 3) each, angular velocity and
+        acceleration (3,), at the rate of the phase; at rest where the model does not turn it.
+        """
+        turning = reaction.moment.turning
+        if turning is None:
+            return self._rotation, self._rotation, np.zeros(3), np.zeros(3)
+        spin, growth = self._pace * turning.velocity, self._pace**2 * turning.acceleration
+        lead = (self._gains.damping[3:] * spin + growth) / self._gains.stiffness[3:]
+        return matrices(from_vectors(lead)) @ turning.rotation, turning.rotation, spin, growth
 
     def _too_far(self, behind: np.ndarray) -> np.ndarray:
         """By how much of a distance (3,) [m] a hand that was left behind would be pulled to hurry."""

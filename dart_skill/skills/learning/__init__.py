@@ -20,6 +20,7 @@ from dart_skill.skills.learning._pose_features import (
 )
 from dart_skill.skills.learning._preparation import PreparedThrow, prepare
 from dart_skill.skills.learning._prepared import PreparedMovement, prepare_movement
+from dart_skill.skills.learning._primitive import PosePrimitive, Primitives, VectorPrimitive
 from dart_skill.skills.learning._reactive import Autonomous
 from dart_skill.skills.learning._refinement import (
     AIM_TOLERANCE,
@@ -88,8 +89,10 @@ __all__ = [
     "OnManifold",
     "PlannedThrow",
     "Policy",
+    "PosePrimitive",
     "PreparedMovement",
     "PreparedThrow",
+    "Primitives",
     "REACH_MARGIN",
     "Refinement",
     "Representation",
@@ -102,6 +105,7 @@ __all__ = [
     "ThrowingSkill",
     "Unreachable",
     "VECTORS",
+    "VectorPrimitive",
     "ball_states",
     "certainly_within",
     "choose_components",

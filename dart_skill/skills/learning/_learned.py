@@ -33,7 +33,6 @@ from dart_skill.recording import HAND, Demonstration
 from dart_skill.skills.learning._outliers import unlike, unlike_movement
 from dart_skill.skills.learning._policy import Policy
 from dart_skill.skills.learning._prepared import PreparedMovement, prepare_movement
-from dart_skill.skills.learning._reactive import Autonomous
 from dart_skill.skills.learning._representation import ClockedRepresentation, Representation
 from dart_skill.skills.protocol import Skill, TaskOutcome, part_of
 
@@ -50,7 +49,7 @@ class LearnedSkill:
     skill
         What is particular to it, with the settings that choose its representation.
     demonstrations
-        At least `skill.settings.least_demonstrations`.
+        At least as many as the representation needs (`Representation.least`).
 
     Attributes
     ----------
@@ -80,7 +79,8 @@ class LearnedSkill:
 
     def __init__(self, skill: Skill, demonstrations: Sequence[Demonstration]):
         skill.check_settings()
-        least = skill.settings.least_demonstrations
+        part: type[Representation] = part_of(skill, "representation")
+        least = part.least(skill.settings)
         if len(demonstrations) < least:
             raise ValueError(
                 f"{len(demonstrations)} demonstrations are too few for '{skill.name}': record at"
@@ -112,7 +112,7 @@ class LearnedSkill:
         )
         self._check_inputs()
         self._misses: list[np.ndarray] = []
-        self.encoded: Representation = part_of(skill, "representation")(self)
+        self.encoded: Representation = part(self)
 
     @classmethod
     def learned(cls, skill: Skill, demonstrations: Sequence[Demonstration]) -> LearnedSkill:
@@ -233,7 +233,7 @@ class LearnedSkill:
     @property
     def policy(self) -> Policy:
         """What it takes to carry out a skill that reacts, without what it was learned from."""
-        assert isinstance(self.encoded, Autonomous), "only a model that the state drives has one"
+        assert self.skill.reacts, "only a model that the state drives has one"
         return Policy(
             self.skill,
             self.encoded.model,
@@ -280,6 +280,7 @@ class LearnedSkill:
             what=self.skill.name,
             events=self.events,
             speed=self.skill.speed,
+            pace=self.encoded.pace(path, _held(self.events, path.time)),
             registration=self.registration,
             posture=self._postures(path),
         )
@@ -341,6 +342,14 @@ def _events(
         GripEvent(float(t), grip, min(float(t) + grip_time, end))
         for t, grip in zip(times, grips[0], strict=True)
     )
+
+
+def _held(events: Sequence[GripEvent], time: np.ndarray) -> np.ndarray:
+    """Whether the hand holds something at instants (n,) [s]: it was closed last."""
+    held = np.zeros(len(time), dtype=bool)
+    for event in events:
+        held[time >= event.time] = event.grip == Grip.CLOSE
+    return held
 
 
 def _in_words(told: Sequence[Grip]) -> str:

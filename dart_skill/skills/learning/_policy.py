@@ -18,11 +18,11 @@ from dart_skill.arm import ArmModel, Grip, GripEvent, Registration
 from dart_skill.common.archive import read_arrays
 from dart_skill.common.pace import PhaseRule
 from dart_skill.common.situation import Pose, Situation
-from dart_skill.movement import AutonomousDSGMR, TaskParameterisedMixture
+from dart_skill.movement import PhaseModel
 from dart_skill.recording import HAND
 from dart_skill.skills.execution import BodyMotion, ReactiveGuide, ReactiveSettings
 from dart_skill.skills.learning._moving_frames import moving_frames
-from dart_skill.skills.protocol import Skill, SkillSettings
+from dart_skill.skills.protocol import Skill, SkillSettings, part_of
 
 FORMAT = "dart_skill policy 1"
 
@@ -48,7 +48,7 @@ class Policy:
     skill
         With the settings that it was learned with.
     model
-        Over [t, u, x, x', y] in the task frames of the skill.
+        In the task frames of the skill, as its representation makes it.
     start
         Pose of the hand before the movement, as the cameras see it.
     start_posture
@@ -62,7 +62,7 @@ class Policy:
     """
 
     skill: Skill
-    model: AutonomousDSGMR
+    model: PhaseModel
     start: Pose
     start_posture: np.ndarray
     events: tuple[GripEvent, ...]
@@ -123,26 +123,23 @@ class Policy:
             "settings": asdict(self.skill.settings),
             "events": [(one.time, int(one.grip), one.done) for one in self.events],
             "registration": asdict(self.registration),
-            "ends": self.model.ends,
-            "n_inputs": self.model.n_inputs,
         }
-        mixture, file = self.model.mixture_, io.BytesIO()
+        file, (said, fitted) = (
+            io.BytesIO(),
+            part_of(self.skill, "representation").packed(self.model),
+        )
         arrays: dict[str, Any] = {
             "offset": self.offset,
             "start_position": self.start.position,
             "start_quaternion": self.start.quaternion,
             "start_posture": self.start_posture,
         }
-        for k, (means, covariances) in enumerate(
-            zip(mixture.means_, mixture.covariances_, strict=True)
-        ):
-            arrays |= {f"means_{k}": means, f"covariances_{k}": covariances}
         np.savez(
             file,
             format=np.array(FORMAT),
-            about=np.array(json.dumps(about)),
-            priors=mixture.priors_,
+            about=np.array(json.dumps(about | said)),
             **arrays,
+            **fitted,
         )
         return file.getvalue()
 
@@ -177,17 +174,9 @@ class Policy:
 
     @classmethod
     def _of(cls, content: dict[str, np.ndarray], about: dict[str, Any], skill: Skill) -> Policy:
-        each = range(sum(name.startswith("means_") for name in content))
-        means, covariances = (
-            [content[f"{part}_{k}"] for k in each] for part in ("means", "covariances")
-        )
-        mixture = TaskParameterisedMixture.from_parameters(content["priors"], means, covariances)
-        rule, ends = phase_rule(skill.settings), tuple(about["ends"])
         return cls(
             skill,
-            AutonomousDSGMR.of_mixture(
-                mixture, ends, skill.settings.stiffness, rule=rule, n_inputs=about["n_inputs"]
-            ),
+            part_of(skill, "representation").unpacked(skill.settings, about, content),
             Pose(content["start_position"], content["start_quaternion"]),
             content["start_posture"],
             tuple(GripEvent(time, Grip(grip), done) for time, grip, done in about["events"]),

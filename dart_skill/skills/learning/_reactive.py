@@ -4,26 +4,23 @@ state of the arm (thesis chapter 9).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.mixture import GaussianMixture
-from dart_skill.movement import AutonomousDSGMR, Motion, MovingFrame, smooth_derivatives
-from dart_skill.recording import Track
+from dart_skill.movement import AutonomousDSGMR, TaskParameterisedMixture
 from dart_skill.skills.execution import BodyMotion
-from dart_skill.skills.learning._moving_frames import moving_frames
 from dart_skill.skills.learning._policy import phase_rule
 from dart_skill.skills.learning._pose_features import VECTORS, with_prior
 from dart_skill.skills.learning._prepared import RATE, PreparedMovement
 from dart_skill.skills.learning._representation import Representation
-from dart_skill.skills.observation import position_noise
+from dart_skill.skills.learning._shown_frames import frames_along, frames_of, motion_shown
 
 if TYPE_CHECKING:
     from dart_skill.skills.learning._learned import LearnedSkill
-    from dart_skill.skills.protocol import Skill, ThrowSettings
+    from dart_skill.skills.protocol import Skill, SkillSettings, ThrowSettings
 
 
 class Autonomous(Representation):
@@ -40,6 +37,7 @@ class Autonomous(Representation):
     """
 
     drive = "state"
+    model: AutonomousDSGMR
     tells_covariance = False
     encodes_throws = True
 
@@ -65,6 +63,30 @@ class Autonomous(Representation):
             mixture, model.ends, s.stiffness, rule=model.rule, n_inputs=model.n_inputs
         )
 
+    @classmethod
+    def packed(cls, model: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        mixture = model.mixture_
+        arrays = {"priors": mixture.priors_}
+        for k, (means, covariances) in enumerate(
+            zip(mixture.means_, mixture.covariances_, strict=True)
+        ):
+            arrays |= {f"means_{k}": means, f"covariances_{k}": covariances}
+        return {"ends": model.ends, "n_inputs": model.n_inputs}, arrays
+
+    @classmethod
+    def unpacked(
+        cls, settings: SkillSettings, about: dict[str, Any], arrays: dict[str, np.ndarray]
+    ) -> AutonomousDSGMR:
+        each = range(sum(name.startswith("means_") for name in arrays))
+        means, covariances = (
+            [arrays[f"{part}_{k}"] for k in each] for part in ("means", "covariances")
+        )
+        mixture = TaskParameterisedMixture.from_parameters(arrays["priors"], means, covariances)
+        rule, ends = phase_rule(settings), tuple(about["ends"])
+        return AutonomousDSGMR.of_mixture(
+            mixture, ends, settings.stiffness, rule=rule, n_inputs=about["n_inputs"]
+        )
+
     def bic(self) -> float:
         model, shown = self._fitted()
         return model.bic(**shown)
@@ -84,72 +106,29 @@ class Autonomous(Representation):
         shown: dict[str, Any] = {
             "times": [clock] * len(movements),
             "motions": [
-                self._motion(one, one.time, one.features[:, VECTORS["position"]], clock)
+                motion_shown(
+                    self.shown, one, one.time, one.features[:, VECTORS["position"]], clock
+                )
                 for one in movements
             ],
-            "frames": [self.frames_along(one, clock) for one in movements],
+            "frames": [frames_along(self.shown, one, clock) for one in movements],
             "inputs": inputs if inputs[0] else None,
         }
         return model.fit(**shown), shown
-
-    def _motion(
-        self, movement: PreparedMovement, time: np.ndarray, position: np.ndarray, clock: np.ndarray
-    ) -> Motion:
-        """What was seen at stamps (n,), (n, 3), stretched to the mean duration, at the instants of
-        the clock (m,).
-        """
-        try:
-            noise = position_noise(time, position)
-            return smooth_derivatives(
-                time * self.shown.duration / movement.duration, position, noise=noise, at=clock
-            )
-        except ValueError as error:
-            raise ValueError(f"demonstration {movement.id}: {error}") from error
-
-    def frames_along(
-        self, movement: PreparedMovement, clock: np.ndarray
-    ) -> list[list[MovingFrame]]:
-        """The task frames at each instant of the clock (m,): a list of m for each frame.
-
-        Parameters
-        ----------
-        movement
-            What was prepared of a demonstration.
-        """
-        moved = {
-            role: self._body_motions(movement, track, clock)
-            for role, track in movement.bodies.items()
-        }
-        instants = [
-            dict(zip(moved, motions, strict=True)) for motions in zip(*moved.values(), strict=True)
-        ]
-        frames = [self._frames(movement.situation, motions) for motions in instants]
-        return [list(one) for one in zip(*frames, strict=True)]
-
-    def _body_motions(
-        self, movement: PreparedMovement, track: Track, clock: np.ndarray
-    ) -> list[BodyMotion]:
-        motion = self._motion(movement, track.time, track.position, clock)
-        turns = track.resampled(clock * movement.duration / self.shown.duration).quaternion
-        return [BodyMotion(*row, age=0.0) for row in zip(*motion, turns, strict=True)]
-
-    def _frames(self, situation: Situation, bodies: Mapping[str, BodyMotion]) -> list[MovingFrame]:
-        """The task frames of a moment, in which the bodies move so."""
-        return moving_frames(self.shown.skill, situation, bodies, self.settings.stiffness)
 
     def mixture(self, situation: Situation) -> GaussianMixture:
         """The mixture (7.21) of time and position in the world, where the bodies of a situation
         rest, which says where the hand starts.
         """
         bodies = {role: _resting(situation.pose(role)) for role in self.shown.skill.bodies}
-        product = self.model.product(self._frames(situation, bodies))
+        product = self.model.product(frames_of(self.shown, situation, bodies))
         before = 1 + self.model.n_inputs
         return product.marginal([0, *range(before, before + 3)])
 
     def way(self, movement: PreparedMovement, clock: np.ndarray) -> np.ndarray:
         inputs = self._inputs(movement.situation) or None
         first, last = self.model.ends
-        frames = zip(*self.frames_along(movement, clock), strict=True)
+        frames = zip(*frames_along(self.shown, movement, clock), strict=True)
         phases = first + clock * (last - first) / self.shown.duration
         return np.array(
             [

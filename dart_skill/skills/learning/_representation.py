@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from dart_skill.arm import HandPath
+from dart_skill.arm import HandPath, Pace
 from dart_skill.common.checks import to_the_nanosecond
 from dart_skill.common.situation import Situation
 from dart_skill.mixture import GaussianMixture
 from dart_skill.movement import (
     DSGMR,
     Motion,
+    PhaseModel,
     TaskFrame,
     angular_velocity,
     attractor_from_motion,
@@ -73,6 +74,8 @@ class Representation(Part):
     ----------
     drive
         "time" or "state" of the arm, which moves the model on.
+    model
+        Of one that the state drives: what is asked at every state of the arm.
     partition
         How components divide time: "time", at equal intervals, or "em".
     tells_covariance
@@ -82,6 +85,7 @@ class Representation(Part):
     """
 
     drive = "time"
+    model: PhaseModel
     partition = "time"
     tells_covariance = True
     encodes_throws = False
@@ -91,6 +95,32 @@ class Representation(Part):
         if learns_throws(skill) and not cls.encodes_throws:
             return "throws are learned over the position and two angles of the hand"
         return ""
+
+    @classmethod
+    def driven_by(cls, skill: Skill) -> str:
+        """What moves the model of a skill on, "time" or "state" of the arm. Default: `drive`."""
+        return cls.drive
+
+    @classmethod
+    def least(cls, settings: SkillSettings) -> int:
+        """Number of demonstrations that are needed. Default: what the settings say."""
+        return settings.least_demonstrations
+
+    @classmethod
+    def packed(cls, model: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        """What is asked at every state of the arm, as `unpacked` takes it: what JSON has, and
+        arrays, by name.
+        """
+        raise NotImplementedError
+
+    @classmethod
+    def unpacked(
+        cls, settings: SkillSettings, about: dict[str, Any], arrays: dict[str, np.ndarray]
+    ) -> PhaseModel:
+        """What `packed` took apart, for a skill with these settings; ValueError or KeyError for
+        what does not fit.
+        """
+        raise NotImplementedError
 
     @classmethod
     def of_throws(cls, settings: ThrowSettings) -> DSGMR | AutonomousDSGMR:
@@ -162,6 +192,17 @@ class ClockedRepresentation(Representation):
         """
         raise NotImplementedError
 
+    def pace(self, path: HandPath, held: np.ndarray) -> Pace | None:
+        """How the state of the arm drives the clock of a plan with such a path. Default: None, it
+        goes as fast as time.
+
+        Parameters
+        ----------
+        held
+            (n,) whether the hand holds something at an instant of the path.
+        """
+        return None
+
     def covariance(self, situation: Situation, time: np.ndarray) -> np.ndarray:
         """Covariance of the attractor's position (n, 3, 3) [m^2] at instants (n,) [s], (3.5)."""
         raise NotImplementedError
@@ -169,6 +210,51 @@ class ClockedRepresentation(Representation):
     def way(self, movement: PreparedMovement, clock: np.ndarray) -> np.ndarray:
         path = self.shown.plan(movement.situation).path
         return np.column_stack([np.interp(clock, path.time, one) for one in path.position.T])
+
+
+def path_of_axes(
+    clock: np.ndarray,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    acceleration: np.ndarray,
+    axes: np.ndarray,
+) -> HandPath:
+    """The path of a hand of which position, velocity and acceleration (n, 3) are known, and two
+    axes (n, 6), at instants (n,) [s].
+
+    Raises
+    ------
+    ValueError
+        Where the axes say no orientation.
+    """
+    from scipy.spatial.transform import Rotation  # throws do without
+
+    turn = Rotation.from_matrix(orientations(axes)).as_quat()
+    spin = angular_velocity(clock, turn)
+    growth = np.gradient(spin, clock, axis=0)
+    return HandPath(
+        time=clock,
+        position=position,
+        quaternion=turn,
+        velocity=np.hstack([velocity, spin]),
+        acceleration=np.hstack([acceleration, growth]),
+    )
+
+
+def turned_ahead(path: HandPath, stiffness: float) -> np.ndarray:
+    """(7.20) for the turn of a path: quaternions (n, 4) so far ahead of the hand, as a rotation
+    vector, that the hand turns as planned.
+
+    Parameters
+    ----------
+    stiffness
+        Of the orientation [1/s^2], critically damped.
+    """
+    from scipy.spatial.transform import Rotation  # throws do without
+
+    spin, growth = path.velocity[:, 3:], path.acceleration[:, 3:]
+    lead = attractor_from_motion(np.zeros_like(spin), spin, growth, stiffness)
+    return (Rotation.from_rotvec(lead) * Rotation.from_quat(path.quaternion)).as_quat()
 
 
 class EqualIntervals(ClockedRepresentation):
@@ -262,22 +348,9 @@ class EqualIntervals(ClockedRepresentation):
             )
             for vector, columns in VECTORS.items()
         )
-        from scipy.spatial.transform import Rotation  # throws do without
-
-        turn = Rotation.from_matrix(orientations(np.hstack([x_axis.position, z_axis.position])))
-        spin = angular_velocity(clock, turn.as_quat())
-        growth = np.gradient(spin, clock, axis=0)
-        path = HandPath(
-            time=clock,
-            position=moved.position,
-            quaternion=turn.as_quat(),
-            velocity=np.hstack([moved.velocity, spin]),
-            acceleration=np.hstack([moved.acceleration, growth]),
-        )
-        # (7.20) for a turn: so far ahead of the hand, as a rotation vector, that the hand turns as
-        # planned.
-        lead = attractor_from_motion(np.zeros_like(spin), spin, growth, s.rotational_stiffness)
-        return path, moved.attractor, (Rotation.from_rotvec(lead) * turn).as_quat()
+        axes = np.hstack([x_axis.position, z_axis.position])
+        path = path_of_axes(clock, moved.position, moved.velocity, moved.acceleration, axes)
+        return path, moved.attractor, turned_ahead(path, s.rotational_stiffness)
 
 
 class FoundComponents(EqualIntervals):

@@ -39,9 +39,11 @@ GROUPS = {
 PARTS = {
     "representation": {
         "autonomous": "dart_skill.skills.learning:Autonomous",
+        "dmp": "dart_skill.skills.learning:VectorPrimitive",
         "dsgmr": "dart_skill.skills.learning:FoundComponents",
         "intervals": "dart_skill.skills.learning:EqualIntervals",
         "pose": "dart_skill.skills.learning:OnManifold",
+        "pose_dmp": "dart_skill.skills.learning:PosePrimitive",
     },
     "refinement": {
         "aim": "dart_skill.skills.learning:SolvedAim",

@@ -70,6 +70,9 @@ class SkillBase:
         (`GROUPS`) "module:class" by name.
     turns_hand
         Whether the hand turns on its way.
+    bodies_move
+        Whether a body moves on its own while the hand is under way, so that a plan that was made
+        beforehand comes too late.
     configurations
         Changes of its settings that have a name, by name.
     by_pointer
@@ -97,6 +100,7 @@ class SkillBase:
     model = "dart_skill.skills.learning:LearnedSkill"
     parts: Mapping[str, Mapping[str, str]] = MappingProxyType({})
     turns_hand = True
+    bodies_move = False
     configurations: Mapping[str, Mapping[str, Any]] = MappingProxyType({})
     by_pointer = True
     cuts_itself = False
@@ -150,7 +154,7 @@ class SkillBase:
         """
         from dart_skill.skills.protocol._registry import part_of  # which loads skills
 
-        return part_of(cast(Any, self), "representation").drive == "state"
+        return part_of(cast(Any, self), "representation").driven_by(self) == "state"
 
     @property
     def watched(self) -> bool:

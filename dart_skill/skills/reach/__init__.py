@@ -81,6 +81,7 @@ class Reach(Skill):
     bodies = ("cup",)
     world = "belt"
     turns_hand = False
+    bodies_move = True
     shown_by = "follow"
     started_by = in_the_way = "cup"
     corrects = "cup"

@@ -430,6 +430,37 @@ def test_a_plan_with_a_pace_of_its_own_waits_by_that():
     assert not any(now.touches for now in said)
 
 
+def test_contact_is_felt_where_the_pace_of_a_plan_does_not_wait():
+    """The hand of `by_place` is held at 0.2 m, from where on its gain is nothing."""
+    pace = by_place()
+    pace.gain[TIME > 0.3] = 0.0
+    guide = CarefulGuide(careful(pace=pace), 0.05, **FEELS)
+    said = looks(guide, np.minimum(SPEED * TIME[:200], 0.2))
+    assert said[-1].touches and said[-1].time == said[-2].time
+
+
+def test_a_hand_that_is_held_is_not_pulled_on_by_a_plan_that_waits():
+    guide = CarefulGuide(careful(pace=by_place()), 0.05)
+    waits = looks(guide, np.minimum(SPEED * TIME[:100], 0.2))[-1].reference
+    ahead = waits.attractor_position[0] - waits.position[0]
+    assert ahead == pytest.approx(0.01 * 0.1, abs=1e-9), "by the share of the rate, `slowest`"
+
+
+def test_the_hand_that_drives_a_clock_is_where_the_cameras_see_it():
+    """By its encoders it is 20 mm behind: 40 ms, for which the clock would wait."""
+    guide, said = CarefulGuide(careful(pace=by_place()), 0.05), []
+    for k in range(150):
+        place, stamp = SPEED * STEP * k - 0.02, round(1e9 * STEP * k)
+        said.append(guide.look(STEP * k, hand_at(place), stamp))
+        if k > 2:
+            seen = np.array([SPEED * STEP * (k - 1), 0.0, 1.0])
+            guide.see("hand", round(1e9 * STEP * (k - 1)), seen, UPRIGHT)
+    rates = np.diff([now.time for now in said[100:]]) / STEP
+    assert rates == pytest.approx(1.0, abs=0.05)
+    blind = looks(CarefulGuide(careful(pace=by_place()), 0.05), SPEED * TIME[:150] - 0.02)
+    assert blind[-1].time < said[-1].time
+
+
 def test_what_is_wanted_is_shifted_so_that_the_hand_is_seen_there():
     """A hand that obeys is at R, p by the joints, and seen at exp(turn) R, p + shift."""
     rng = np.random.default_rng(0)

@@ -75,11 +75,16 @@ def test_every_part_that_is_offered_can_be_chosen(name, kind):
     [
         ("place", {"representation": "autonomous"}, "'autonomous' is not for the skill 'place'"),
         ("throw", {"representation": "pose"}, "over the position and two angles"),
+        ("darts", {"representation": "dmp"}, "over the position and two angles"),
         ("place", {"refinement": "flight"}, "nothing of it is thrown"),
         ("darts", {"practice": "power"}, "those of baskets"),
         ("reach", {"practice": "power"}, "choose one of bootstrap, none, residual"),
         ("throw", {"targets": "best_aim"}, "choose one of drawn, worst"),
-        ("place", {"representation": "splines"}, "choose one of autonomous, dsgmr, intervals"),
+        (
+            "place",
+            {"representation": "splines"},
+            "choose one of autonomous, dmp, dsgmr, intervals",
+        ),
         ("place", {"compnents": 8}, "settings of 'place': compnents is no setting"),
         ("place", {"components": "many"}, "components is 'many'; it must be of type int"),
         ("throw", {"prior": 3.0}, "prior is no setting"),
