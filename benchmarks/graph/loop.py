@@ -33,7 +33,7 @@ from rclpy.node import Node  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 
 from benchmarks.rows import tell  # noqa: E402
-from dart_skill.common.constants import N_JOINTS  # noqa: E402
+from dart_skill.common.arm_choice import joint_count  # noqa: E402
 from dart_skill.common.world import joint_names  # noqa: E402
 from dart_skill.session import Session, learn_skill  # noqa: E402
 from dart_skill.simulation import Plant, PlantSettings  # noqa: E402
@@ -138,7 +138,7 @@ def of_bullet(seconds: float) -> tuple[float, float]:
     """Steps and processor time [s] per second of the clock of the arm with a ball in its hand, and
     nothing beside PyBullet's own calls.
     """
-    plant, joints, torques = Plant(), list(range(N_JOINTS)), [0.0] * N_JOINTS
+    plant, joints, torques = Plant(), list(range(joint_count())), [0.0] * joint_count()
     world, arm, steps = plant._world, plant._arm, 0
     begun, used = time.monotonic(), time.process_time()
     while time.monotonic() < begun + seconds:

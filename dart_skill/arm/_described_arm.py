@@ -70,7 +70,7 @@ def described(name: str) -> ArmDescription:
     """
     arm = load_arm(name)
     joints, links, hand = _chain(arm)
-    plane = swing_plane(replace(arm, grip=np.zeros(3)), points_along=True)
+    plane = _plane(replace(arm, grip=np.zeros(3)))
     home = arm.postures["home"] if "home" in arm.postures else pointing_posture(arm, HOME)
     inertia = np.diag(pin.crba(arm.model, arm.model.createData(), home)) + arm.rotor_inertia
     n, tool = len(joints), arm.tool
@@ -95,6 +95,14 @@ def described(name: str) -> ArmDescription:
         capsules=_capsules(joints, hand, link),
         postures={"home": home, **arm.postures},
     )
+
+
+def _plane(arm: UrdfArm) -> SwingPlane:
+    """One along which the hand points, if there is one."""
+    try:
+        return swing_plane(arm, points_along=True)
+    except ValueError:
+        return swing_plane(arm)
 
 
 def _chain(arm: UrdfArm) -> tuple[tuple[Joint, ...], tuple[Inertial, ...], pin.SE3]:

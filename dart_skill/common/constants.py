@@ -6,8 +6,6 @@ NS_PER_S = 1_000_000_000
 """Nanoseconds of a second, in which stamps are told."""
 UNTURNED = (0.0, 0.0, 0.0, 1.0)
 """The quaternion x, y, z, w of no turn."""
-N_JOINTS = 7
-"""Joints of the WAM."""
 GRAVITY = 9.81
 """Acceleration of free fall [m/s^2]."""
 AIR_DENSITY = 1.204
