@@ -88,8 +88,12 @@ class ViaPoints:
             else as_covariances(covariance, "covariance", (d, d))
         )
         other = copy.copy(self)
-        other._vias = (*self._vias, ViaPoint(instant, as_vector(position, "position", d), spread))
+        other._vias = (*self._vias, ViaPoint(instant, self._as_place(position), spread))
         return other
+
+    def _as_place(self, position: ArrayLike) -> np.ndarray:
+        """Where a via point is (d,), checked."""
+        return as_vector(position, "position", self._n_outputs)
 
     def _require_within(self, time: float) -> None:
         """ValueError for an instant [s] outside of the movement."""

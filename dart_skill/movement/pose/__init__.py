@@ -21,6 +21,7 @@ from dart_skill.movement.pose._motion import (
     pose_attractor,
     pose_motion,
 )
+from dart_skill.movement.pose._per_step import PerStepPoses
 from dart_skill.movement.pose._primitives import (
     DiscretePosePrimitive,
     PoseState,
@@ -31,6 +32,7 @@ from dart_skill.movement.pose._task_parameterised import TaskParameterisedPoseMi
 
 __all__ = [
     "DiscretePosePrimitive",
+    "PerStepPoses",
     "PoseDSGMR",
     "PoseFrame",
     "PoseMixture",

@@ -46,6 +46,7 @@ from dart_skill.skills.learning._representation import (
     EqualIntervals,
     FoundComponents,
     OnManifold,
+    PerStep,
     Representation,
 )
 from dart_skill.skills.learning._strain import strain, strained, strained_in_words
@@ -86,6 +87,7 @@ __all__ = [
     "Model",
     "NoPlan",
     "OnManifold",
+    "PerStep",
     "PlannedThrow",
     "Policy",
     "PreparedMovement",

@@ -41,6 +41,7 @@ PARTS = {
         "autonomous": "dart_skill.skills.learning:Autonomous",
         "dsgmr": "dart_skill.skills.learning:FoundComponents",
         "intervals": "dart_skill.skills.learning:EqualIntervals",
+        "per_step": "dart_skill.skills.learning:PerStep",
         "pose": "dart_skill.skills.learning:OnManifold",
     },
     "refinement": {
