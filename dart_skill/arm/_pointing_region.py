@@ -120,7 +120,7 @@ def pointing_posture(arm: UrdfArm, height: float) -> np.ndarray:
         before = arm.hand(plane.whole(posture[None])[0]).translation[0] > 0.0
         return bool(before), float(np.minimum(posture - lower, upper - posture).min())
 
-    best = max(np.flatnonzero(fits[:, middle]), key=merit)
+    best = max(np.flatnonzero(fits[:, middle]).tolist(), key=merit)
     return plane.whole(angles[best, middle][None])[0]
 
 

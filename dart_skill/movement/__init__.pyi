@@ -35,6 +35,7 @@ from dart_skill.movement._frames import pointing_at as pointing_at
 from dart_skill.movement._frames import start_frame as start_frame
 from dart_skill.movement._frames import target_frame as target_frame
 from dart_skill.movement._frames import turn_matrix as turn_matrix
+from dart_skill.movement._kmp import KMP as KMP
 from dart_skill.movement._orientation import angles_from_quaternions as angles_from_quaternions
 from dart_skill.movement._orientation import angular_velocity as angular_velocity
 from dart_skill.movement._orientation import make_continuous as make_continuous
@@ -48,6 +49,7 @@ from dart_skill.movement._patterns import Patterns as Patterns
 from dart_skill.movement._patterns import find_patterns as find_patterns
 from dart_skill.movement._patterns import resampled as resampled
 from dart_skill.movement._patterns import warped_distance as warped_distance
+from dart_skill.movement._per_step import PerStepGaussians as PerStepGaussians
 from dart_skill.movement._primitive_course import PrimitiveCourse as PrimitiveCourse
 from dart_skill.movement._primitive_course import SeenMovement as SeenMovement
 from dart_skill.movement._primitive_course import ahead_gain as ahead_gain
@@ -59,6 +61,7 @@ from dart_skill.movement._primitives import Execution as Execution
 from dart_skill.movement._primitives import PrimitiveState as PrimitiveState
 from dart_skill.movement._primitives import RhythmicPrimitive as RhythmicPrimitive
 from dart_skill.movement._primitives import Trajectory as Trajectory
+from dart_skill.movement._promp import ProMP as ProMP
 from dart_skill.movement._reactive import PhaseModel as PhaseModel
 from dart_skill.movement._reactive import Reaction as Reaction
 from dart_skill.movement._reactive import ReactivePolicy as ReactivePolicy

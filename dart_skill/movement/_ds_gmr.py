@@ -15,6 +15,7 @@ import inspect
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,13 @@ from dart_skill.movement._placement import Frame, FrameCourse, Weights
 from dart_skill.movement._sample_faults import find_faults, without_repeats
 from dart_skill.movement._task_parameterised import TaskParameterisedMixture
 from dart_skill.movement._time import as_stamps, uniform_step
+from dart_skill.movement._via_points import (
+    ViaPoints,
+    arrays_of,
+    conditioned,
+    interpolating,
+    roots,
+)
 
 OVERLAP = 0.7
 """Overlap of components at equal intervals of time."""
@@ -193,7 +201,7 @@ class Reproduction:
     acceleration: np.ndarray
 
 
-class DSGMR(AttractorModel):
+class DSGMR(ViaPoints, AttractorModel):
     """Movement primitive over d movement variables that is driven by a clock.
 
     The features are [t, u, y], with m = 1 + q + d columns: time, q further inputs such as the
@@ -329,7 +337,16 @@ class DSGMR(AttractorModel):
             Self.
         """
         self._learn(attractors, frames, weights, rng)
+        self._vias = ()
         return self
+
+    def _to_arrays(self) -> Arrays:
+        self._require_no_vias()
+        return super()._to_arrays()
+
+    @property
+    def _n_outputs(self) -> int:
+        return int(self._fitted.n_dims) - 1 - self.n_inputs
 
     def bic(
         self,
@@ -411,7 +428,7 @@ class DSGMR(AttractorModel):
         assert covariance is not None
         length = self._time_scale if smoothness is None else as_number(smoothness, "smoothness")
         deviations = _smooth_normal(time, length, (n, mean.shape[1]), rng)
-        return mean + np.einsum("tij,njt->nti", _roots(covariance), deviations)
+        return mean + np.einsum("tij,njt->nti", roots(covariance), deviations)
 
     @property
     def _time_scale(self) -> float:
@@ -429,8 +446,10 @@ class DSGMR(AttractorModel):
         inputs: ArrayLike | None = None,
         step: float | None = None,
         covariance: bool = True,
+        end: ArrayLike | None = None,
     ) -> Reproduction:
-        """Movement of a unit mass (7.19) in place of the robot, in new frames.
+        """Movement of a unit mass (7.19) in place of the robot, in new frames. It passes through
+        the via points of `condition`, which are of its position.
 
         Parameters
         ----------
@@ -447,18 +466,67 @@ class DSGMR(AttractorModel):
             Float [s], default None: computed from the stamps. Give it if it is known exactly:
             stamps such as `start + step * arange(n)` are rounded, so that their differences are
             not exactly `step`.
+        end
+            Position (d,) that is met at the last stamp, a via point; default None: what was
+            learned.
+
+        Raises
+        ------
+        ValueError
+            For a via point that is not after the first stamp and before the last one, or at it.
         """
         time = as_stamps(time, minimum=2)
-        attractor, spread = self.retrieve(frames, time, inputs, covariance=covariance)
-        motion = follow_attractor(
-            self._pulled(attractor, push),
-            step_of(time, step),
-            position0,
-            velocity0,
-            self.stiffness,
-            self.damping,
+        asked = self if end is None else self.condition(time[-1], end)
+        led = partial(
+            follow_attractor,
+            step=step_of(time, step),
+            position0=position0,
+            velocity0=velocity0,
+            stiffness=self.stiffness,
+            damping=self.damping,
         )
-        return Reproduction(time, attractor, spread, *motion)
+        needed = covariance or bool(asked._vias)
+        attractor, spread = self.retrieve(frames, time, inputs, covariance=needed)
+        motion = led(self._pulled(attractor, push))
+        if asked._vias:
+            assert spread is not None  # it was asked for
+            attractor, spread = asked._through(time, attractor, spread, motion.position)
+            motion = led(self._pulled(attractor, push))
+        return Reproduction(time, attractor, spread if covariance else None, *motion)
+
+    def _through(
+        self, time: np.ndarray, attractor: np.ndarray, spread: np.ndarray, position: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The attractor (n, d) and its covariance (n, d, d) that lead through the via points, where
+        these lead along a position (n, d).
+
+        The position is linear in the attractor, so a via point is a known weighted sum of it.
+        """
+        at, wanted, noise = arrays_of(self._vias)
+        if at.min() <= time[0] or at.max() > time[-1]:
+            raise ValueError(
+                f"via points are from {at.min():g} to {at.max():g} s: each must be after"
+                f" {time[0]:g} s, where the movement is at position0, and by {time[-1]:g} s"
+            )
+        stamps = interpolating(at, time)
+        weights = np.einsum("mk,kti->mti", stamps, self._responses(time, attractor.shape[1]))
+        misses = wanted - stamps @ position
+        return conditioned(time, attractor, spread, weights, misses, noise, self._time_scale)
+
+    def _responses(self, time: np.ndarray, d: int) -> np.ndarray:
+        """Change of the position at each stamp by a change of the attractor at each (n, n, d)."""
+        n, pulses = len(time), np.zeros((2, len(time), d))
+        pulses[[0, 1], [0, 1]] = 1.0
+        first, later = (
+            follow_attractor(
+                one, uniform_step(time), np.zeros(d), np.zeros(d), self.stiffness, self.damping
+            ).position
+            for one in pulses
+        )
+        ago = np.arange(n)[:, None] - np.arange(n)
+        responses = np.where((ago >= 0)[..., None], later[np.clip(ago + 1, 0, n - 1)], 0.0)
+        responses[:, 0] = first
+        return responses
 
     def _pulled(self, attractor: np.ndarray, push: ArrayLike | None) -> np.ndarray:
         """The attractor (n, d) that has the effect of this one and the push together: the push
@@ -495,12 +563,6 @@ def _faults_of(time: ArrayLike, positions: ArrayLike) -> str:
     """
     found = replace(find_faults(time, positions), quantum=()).reasons
     return "the samples cannot be differentiated: " + "; ".join(found) if found else ""
-
-
-def _roots(covariance: np.ndarray) -> np.ndarray:
-    """Symmetric roots (n, d, d) of covariances (n, d, d), which change as smoothly as these do."""
-    variance, axes = np.linalg.eigh(covariance)
-    return np.einsum("tij,tj,tkj->tik", axes, np.sqrt(np.maximum(variance, 0.0)), axes)
 
 
 def _smooth_normal(

@@ -641,6 +641,11 @@ TYPED = {
     "dart-skill experiment reach --jobs 2 --arm fleet --first-seed 2000 --seeds 40": Run(
         "--seeds 1 --cups 1 --demonstrations 3 --held 0", says=r"of 1 ", slow=True
     ),
+    "dart-skill experiment rivals --data FOLDER --bag bags/demonstrations --simulated 14 --jobs 2": (
+        Elsewhere(
+            "unit/experiments/test_rivals.py::test_the_command_prints_a_table_of_what_is_there"
+        )
+    ),
     "dart-skill experiment real_data --data FOLDER --pbdlib ~/pbdlib-python": NETWORK,
     "dart-skill experiment real_data --data FOLDER --jobs 2": Elsewhere(
         "unit/experiments/test_real_data.py::test_the_command_prints_a_table_of_what_is_there"

@@ -20,6 +20,7 @@ EXPERIMENTS = (
     pose_skills.add_place,
     pose_skills.add_reach,
     thesis.add_real_data,
+    thesis.add_rivals,
     thesis.add_figure,
 )
 

@@ -1,5 +1,5 @@
-"""`dart-skill experiment figure`, a figure of the thesis, and `real_data`, published
-demonstrations of people.
+"""`dart-skill experiment figure`, a figure of the thesis; `real_data`, published demonstrations of
+people; `rivals`, learners of few demonstrations beside each other.
 """
 
 from __future__ import annotations
@@ -114,3 +114,75 @@ def _real_data(options: argparse.Namespace) -> int:
         options.pbdlib,
     )
     return show(scores, real_data.table, options.json)
+
+
+def add_rivals(experiments: argparse._SubParsersAction) -> None:
+    """Add `rivals` to the experiments of `dart-skill experiment`."""
+    parser = experiments.add_parser(
+        "rivals", help="learners of few demonstrations, ours and others, on real and own ones"
+    )
+    parser.add_argument(
+        "--data",
+        type=Path,
+        metavar="FOLDER",
+        help="published sets, as of real_data, and those of lpvds and robInfLib-matlab",
+    )
+    parser.add_argument(
+        "--bag",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="BAG",
+        help="its demonstrations are a set; may be given several times",
+    )
+    parser.add_argument(
+        "--simulated",
+        type=int,
+        default=0,
+        metavar="N",
+        help="so many simulated demonstrations of place are a set (default 0)",
+    )
+    parser.add_argument(
+        "--shown",
+        type=_counts,
+        default="2,5,10,13",
+        metavar="NUMBERS",
+        help="how many demonstrations are learned from (default 2,5,10,13)",
+    )
+    parser.add_argument(
+        "--draws",
+        type=positive,
+        default=1,
+        help="how often they are drawn for each that is left out (default 1)",
+    )
+    parser.add_argument(
+        "--sets",
+        metavar="NAMES",
+        default="",
+        help="only these, separated by commas (default: all there are)",
+    )
+    parser.add_argument("--seed", type=int, default=0)
+    add_jobs(parser)
+    add_json(parser, "every prediction as JSON instead of the table")
+    parser.set_defaults(run=_rivals)
+
+
+def _counts(text: str) -> list[int]:
+    """Numbers that are separated by commas."""
+    return [positive(one) for one in text.split(",")]
+
+
+def _rivals(options: argparse.Namespace) -> int:
+    from dart_skill.experiments.studies import rivals
+
+    predictions = rivals.run(
+        options.data,
+        options.bag,
+        simulated=options.simulated,
+        counts=options.shown,
+        draws=options.draws,
+        names=[name for name in options.sets.split(",") if name],
+        jobs=options.jobs,
+        seed=options.seed,
+    )
+    return show(predictions, rivals.table, options.json)

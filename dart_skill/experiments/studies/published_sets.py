@@ -10,6 +10,8 @@ user names the folder.
   Panda arm (Auddy et al. 2023).
 * Movements of a Panda arm between a pose at its start and one at its end (TP-GMM of Z. Wasfy,
   after that of B. Saduanov).
+* Movements of an arm that was led (Figueroa and Billard 2018, as lpvds of S. Sun publishes them),
+  and letters drawn by hand (robInfLib of Y. Huang). Neither says under which licence.
 
 `pbdlib_mixture` is of pbdlib-python itself, beside which experiments and benchmarks measure ours.
 """
@@ -40,11 +42,15 @@ CLFD_PAGE = "https://github.com/sayantanauddy/clfd"
 """Where letters and tasks of a Panda arm are published."""
 TPGMM_PAGE = "https://github.com/zizowasfy/TP-GMM"
 """Where the sets of TP-GMM are published."""
+LPVDS_PAGE = "https://github.com/SunannnSun/lpvds"
+"""Where movements of an arm that was led are published."""
+LETTERS_PAGE = "https://github.com/yanlongtu/robInfLib-matlab"
+"""Where letters drawn by hand are published."""
 CLFD_RATE = 60.0
 """Samples per second of its sets [1/s], as its own reader has it."""
 STEP = 0.01
-"""Task-parameterised sets have no stamps in seconds: their samples are taken to be so far apart
-[s].
+"""Task-parameterised sets and letters have no stamps in seconds: their samples are taken to be so
+far apart [s].
 """
 
 
@@ -204,6 +210,45 @@ def tpgmm_sets(folder: Path) -> dict[str, list[Demonstrated]]:
     return named
 
 
+def lpvds_sets(folder: Path) -> dict[str, list[Demonstrated]]:
+    """The demonstrations of each set of an arm in three dimensions [m], by name.
+
+    Parameters
+    ----------
+    folder
+        Dataset/pc-gmm-data of lpvds, or what holds the repository.
+
+    Raises
+    ------
+    ValueError
+        There are no such files, or one cannot be read.
+    """
+    below = ("lpvds/dataset/pc-gmm-data", "dataset/pc-gmm-data", "pc-gmm-data")
+    place = _place_of(folder, below, "3D*.mat", "of dataset/pc-gmm-data of lpvds", LPVDS_PAGE)
+    return {
+        file.stem: _read(file, _lpvds_set, LPVDS_PAGE) for file in sorted(place.glob("3D*.mat"))
+    }
+
+
+def letter_sets(folder: Path) -> dict[str, list[Demonstrated]]:
+    """The demonstrations of each letter drawn by hand, in the unit of the files, by name.
+
+    Parameters
+    ----------
+    folder
+        2Dletters of robInfLib-matlab, or what holds the repository.
+
+    Raises
+    ------
+    ValueError
+        There are no such files, or one cannot be read.
+    """
+    below = ("robInfLib-matlab/2Dletters", "2Dletters")
+    place = _place_of(folder, below, "[A-Z].mat", "of 2Dletters of robInfLib", LETTERS_PAGE)
+    files = sorted(place.glob("[A-Z].mat"))
+    return {file.stem: _read(file, _letter, LETTERS_PAGE) for file in files}
+
+
 def _place_of(folder: Path, below: Sequence[str], files: str, whose: str, page: str) -> Path:
     """The first folder, of those below this one and itself, that has such files; ValueError says
     where they are published.
@@ -234,6 +279,32 @@ def _lasa_shape(file: Path) -> list[Demonstrated]:
         Demonstrated(np.ravel(one["t"]).astype(float), as_samples(np.transpose(one["pos"]), "pos"))
         for one in demos
     ]
+
+
+def _lpvds_set(file: Path) -> list[Demonstrated]:
+    """A cell holds positions and velocities (6, n). Where the file does not say how far apart the
+    samples are, positions and velocities do: by least squares.
+    """
+    from scipy.io import loadmat
+
+    content = loadmat(file)
+    rows = [as_samples(one, "data").T for one in content["data"].ravel()]
+    steps = [np.diff(one[:, :3], axis=0) for one in rows]
+    speeds = [one[:-1, 3:] for one in rows]
+    across = sum(float(np.sum(a * b)) for a, b in zip(steps, speeds, strict=True))
+    told = across / sum(float(np.sum(b * b)) for b in speeds)
+    step = float(np.ravel(content["dt"])[0]) if "dt" in content else told
+    return [Demonstrated(step * np.arange(len(one)), one[:, :3]) for one in rows]
+
+
+def _letter(file: Path) -> list[Demonstrated]:
+    from scipy.io import loadmat
+
+    shown = [
+        as_samples(np.transpose(one["pos"]), "pos")
+        for one in loadmat(file, simplify_cells=True)["demos"]
+    ]
+    return [Demonstrated(STEP * np.arange(len(one)), one) for one in shown]
 
 
 def _pbdlib_one(name: str, number: int, file: Path) -> Demonstrated:

@@ -22,6 +22,7 @@ from dart_skill.movement.pose._motion import (
     pose_attractor,
     pose_motion,
 )
+from dart_skill.movement.pose._per_step import PerStepPoses
 from dart_skill.movement.pose._primitives import (
     DiscretePosePrimitive,
     PoseState,
@@ -32,6 +33,7 @@ from dart_skill.movement.pose._task_parameterised import TaskParameterisedPoseMi
 
 __all__ = [
     "DiscretePosePrimitive",
+    "PerStepPoses",
     "PoseDSGMR",
     "PoseFrame",
     "PoseMixture",

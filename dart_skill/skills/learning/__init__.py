@@ -47,6 +47,7 @@ from dart_skill.skills.learning._representation import (
     EqualIntervals,
     FoundComponents,
     OnManifold,
+    PerStep,
     Representation,
 )
 from dart_skill.skills.learning._strain import strain, strained, strained_in_words
@@ -87,6 +88,7 @@ __all__ = [
     "Model",
     "NoPlan",
     "OnManifold",
+    "PerStep",
     "PlannedThrow",
     "Policy",
     "PosePrimitive",

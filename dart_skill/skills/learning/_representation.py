@@ -21,7 +21,7 @@ from dart_skill.movement import (
     attractor_from_motion,
     smooth_derivatives,
 )
-from dart_skill.movement.pose import PoseDSGMR, PoseFrame
+from dart_skill.movement.pose import PerStepPoses, PoseDSGMR, PoseFrame, follow_pose_attractor
 from dart_skill.recording import HAND
 from dart_skill.skills.learning._pose_features import (
     VECTORS,
@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from dart_skill.movement import AutonomousDSGMR
     from dart_skill.skills.learning._learned import LearnedSkill
 
+SHOWN_OVERLAP = 0.7
+"""Standard deviation of the Gaussians that stand for many steps, in their intervals."""
 TIMES_FOUND = 1e-3
 """EM stops at this rise of the mean log-likelihood where components are fitted anew: only their
 times and shares are taken from it.
@@ -425,3 +427,65 @@ class OnManifold(ClockedRepresentation):
             clock, made.pose[:, :3], made.pose[:, 3:], made.velocity, made.acceleration
         )
         return path, made.attractor[:, :3], made.attractor[:, 3:]
+
+
+class PerStep(ClockedRepresentation):
+    """A Gaussian at each step of time, of the attractor of position and orientation together, on
+    R^3 x S3. It has no components, and no further inputs.
+    """
+
+    def __init__(self, shown: LearnedSkill):
+        super().__init__(shown)
+        if self._inputs(shown.movements[0].situation):
+            raise ValueError(
+                f"the skill '{shown.skill.name}' has further inputs beside time, and 'per_step'"
+                " learns none: choose another representation"
+            )
+        s, clock = self.settings, np.arange(0.0, shown.clock_end, 1.0 / RATE)
+        self._gains = (s.stiffness, s.rotational_stiffness)
+        encode = PoseDSGMR(1, self._gains).encode
+        self._features = [
+            encode(one.time * shown.duration / one.duration, one.poses, at=clock)
+            for one in shown.movements
+        ]
+        self._learned_in = [self._frames(one.situation) for one in shown.movements]
+        self._model = PerStepPoses(len(clock), covariance_prior=s.prior)
+        self._model.fit(self._features, self._learned_in)
+
+    def _frames(self, situation: Situation) -> list[PoseFrame]:
+        poses = self.shown.skill.chosen_frames(situation)
+        return [PoseFrame(pose.position, pose.quaternion) for pose in poses]
+
+    def bic(self) -> float:
+        likelihood = self._model.log_likelihood(self._features, self._learned_in)
+        n = sum(len(one) for one in self._features)
+        return -2.0 * likelihood + self._model.n_parameters * float(np.log(n))
+
+    def mixture(self, situation: Situation) -> GaussianMixture:
+        """Each of `components` equal intervals of time has one Gaussian: that of its middle, along
+        the path.
+        """
+        poses, covariance = self._model.retrieve(self._frames(situation))
+        time, k = self._model.time_, self.settings.components
+        interval = (time[-1] - time[0]) / k
+        middles = np.searchsorted(time, time[0] + interval * (0.5 + np.arange(k)))
+        slopes = np.gradient(poses[:, :3], time, axis=0)[middles]
+        along = np.hstack([np.ones((k, 1)), slopes]) * SHOWN_OVERLAP * interval
+        spread = along[:, :, None] * along[:, None, :]
+        spread[:, 1:, 1:] += covariance[middles, :3, :3]
+        means = np.column_stack([time[middles], poses[middles, :3]])
+        return GaussianMixture.from_parameters(np.full(k, 1.0 / k), means, spread)
+
+    def covariance(self, situation: Situation, time: np.ndarray) -> np.ndarray:
+        return self._model.retrieve(self._frames(situation), time)[1][:, :3, :3]
+
+    def movement(self, situation: Situation) -> tuple[HandPath, np.ndarray, np.ndarray]:
+        start, step = situation.pose(HAND), self.settings.step
+        clock = to_the_nanosecond(np.arange(0.0, self.shown.clock_end, step))
+        attractor = self._model.retrieve(self._frames(situation), clock)[0]
+        begin = np.concatenate([start.position, start.quaternion])
+        moved = follow_pose_attractor(attractor, step, begin, np.zeros(6), self._gains)
+        path = HandPath(
+            clock, moved.pose[:, :3], moved.pose[:, 3:], moved.velocity, moved.acceleration
+        )
+        return path, attractor[:, :3], attractor[:, 3:]

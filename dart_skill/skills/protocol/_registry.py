@@ -42,6 +42,7 @@ PARTS = {
         "dmp": "dart_skill.skills.learning:VectorPrimitive",
         "dsgmr": "dart_skill.skills.learning:FoundComponents",
         "intervals": "dart_skill.skills.learning:EqualIntervals",
+        "per_step": "dart_skill.skills.learning:PerStep",
         "pose": "dart_skill.skills.learning:OnManifold",
         "pose_dmp": "dart_skill.skills.learning:PosePrimitive",
     },

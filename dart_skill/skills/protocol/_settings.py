@@ -68,8 +68,9 @@ class SkillSettings:
     representation
         Name of how movements are encoded (`part_names("representation")`): "intervals", mixtures
         whose components have equal intervals of time; "dsgmr", EM finds them; "pose", on the
-        manifold of positions and orientations; "autonomous", driven by the state of the arm;
-        "dmp" and "pose_dmp", movement primitives, of which `components` are the kernels.
+        manifold of positions and orientations; "per_step", a Gaussian at each step of time there;
+        "autonomous", driven by the state of the arm; "dmp" and "pose_dmp", movement primitives, of
+        which `components` are the kernels.
     refinement
         Name of what is solved for before a plan is made: "none"; of what is thrown, "aim",
         "release" or both, "flight".

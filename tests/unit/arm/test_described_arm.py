@@ -203,7 +203,11 @@ def test_a_swing_keeps_clear_and_ends_as_fast_as_its_joints(iiwa):
         ),
         ("servo", "{limit: [1.0]}", "servo: limit is .*give 4 finite numbers"),
         ("postures", "{home: [1.0, .nan, 0.0, 0.0]}", "postures: home is .*give 4 finite numbers"),
-        ("rotor_inertia", "{e: 1.0}", "arm turned: rotor_inertia names e; its joints are a, b, c, d"),
+        (
+            "rotor_inertia",
+            "{e: 1.0}",
+            "arm turned: rotor_inertia names e; its joints are a, b, c, d",
+        ),
         ("colour", "red", "unknown entries colour"),
     ],
 )

@@ -7,10 +7,13 @@ import pytest
 
 from dart_skill.movement import (
     DSGMR,
+    KMP,
     AutonomousDSGMR,
     DiscretePrimitive,
     PartialFrame,
+    PerStepGaussians,
     PhaseRule,
+    ProMP,
     RhythmicPrimitive,
     TaskFrame,
     TaskParameterisedMixture,
@@ -68,6 +71,23 @@ def rhythmic():
     )
 
 
+def samples():
+    return [np.column_stack([TIME, path(goal)]) for goal in GOALS]
+
+
+def per_step():
+    model = PerStepGaussians(50, covariance_prior=1.0 / 3.0, smoothness=0.2)
+    return model.fit(samples(), [frames(goal) for goal in GOALS])
+
+
+def promp():
+    return ProMP(10, covariance_prior=1.0).fit(samples())
+
+
+def kmp():
+    return KMP(4, n_references=40).fit(samples())
+
+
 def poses(goal):
     half = 0.5 * np.outer(TIME, [0.0, goal[0], goal[1]])
     rotation = np.column_stack([np.sin(half), np.sqrt(1.0 - np.square(np.sin(half)).sum(1))])
@@ -103,6 +123,12 @@ def moved(model):
             where, TIME, [0.0, 0.0], [0.0, 0.0], inputs=[0.5] if n_inputs else None
         )
         return np.concatenate([made.position.ravel(), made.covariance.ravel()])
+    if isinstance(model, PerStepGaussians):
+        mean, covariance = model.retrieve(frames(new), TIME)
+        return np.concatenate([mean.ravel(), covariance.ravel()])
+    if isinstance(model, (ProMP, KMP)):
+        mean, covariance = model.between([0.0, 0.0], new).retrieve(TIME)
+        return np.concatenate([mean.ravel(), covariance.ravel()])
     if isinstance(model, AutonomousDSGMR):
         made = model.reproduce(frames(new), [0.0, 0.1], [0.0, 0.0], duration=1.5)
         return np.concatenate(
@@ -124,6 +150,9 @@ MAKERS = [
     pose_ds_gmr,
     discrete_pose,
     rhythmic_pose,
+    per_step,
+    promp,
+    kmp,
 ]
 
 

@@ -145,7 +145,7 @@ def test_settings_of_the_skill_are_told_apart_from_parameters_of_nodes():
 # representations
 
 
-@pytest.mark.parametrize("name", ["intervals", "dsgmr", "pose"])
+@pytest.mark.parametrize("name", ["intervals", "dsgmr", "per_step", "pose"])
 def test_each_representation_carries_out_what_was_shown_elsewhere(shown, name):
     learned = LearnedSkill(touch(representation=name), shown)
     rng = np.random.default_rng(21)
