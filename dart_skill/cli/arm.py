@@ -129,6 +129,7 @@ def _file_of(arm: UrdfArm, where: str) -> str:
         f"urdf: {where}",
         f"base: {arm.base}",
         f"tool: {arm.tool}",
+        f"joints: [{', '.join(joint.name for joint in arm.joints)}]",
         "grip: [0.0, 0.0, 0.0]    # where the hand holds, in the frame of the tool [m]",
         f"mount_height: {arm.mount_height}    # of the base above the floor [m]",
         *(f"# doubtful: {doubt}" for doubt in arm.doubts()),
@@ -136,7 +137,21 @@ def _file_of(arm: UrdfArm, where: str) -> str:
     if arm.placeholders or any(not j.velocity > 0.0 or not j.torque > 0.0 for j in arm.joints):
         names = ", ".join(f"{joint.name}: " for joint in arm.joints)
         lines += [f"# velocity: {{{names}}}    # [rad/s]", f"# torque: {{{names}}}    # [N m]"]
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *_start_of(arm)]) + "\n"
+
+
+def _start_of(arm: UrdfArm) -> list[str]:
+    """Lines with the posture in which a simulated arm begins: its hand points down."""
+    from dart_skill.arm import pointing_posture
+
+    try:
+        angles = ", ".join(f"{angle:.4f}" for angle in pointing_posture(arm, HEIGHTS[1]))
+    except ValueError as error:
+        angles = ", ".join("0.0" for _ in arm.joints)
+        start = f"    start_posture: [{angles}]    # [rad]; {error}"
+    else:
+        start = f"    start_posture: [{angles}]    # its hand points down [rad]"
+    return ["parameters:", "  wam_simulator:", start]
 
 
 def _reach(options: argparse.Namespace) -> int:

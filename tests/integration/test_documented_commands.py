@@ -602,6 +602,9 @@ TYPED = {
     "dart-skill experiment faults --list": Run(says="kill_commander_swing"),
     "dart-skill experiment faults --case kill_commander_swing": FAULTS,
     "dart-skill experiment faults --page docs/faults.md": FAULTS,
+    "dart-skill demo --arm iiwa7 --skill place --layout in-process --trials 3": Run(
+        with_="--demonstrations 3 --trials 1", says="place 1/1: holder"
+    ),
     "dart-skill experiment place --jobs 2": Run(
         "--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts are in their holders", slow=True
     ),
