@@ -134,7 +134,7 @@ def _chain(arm: UrdfArm) -> tuple[tuple[Joint, ...], tuple[Inertial, ...], pin.S
         )
         links.append(Inertial(body.mass, body.lever.copy(), body.inertia.copy()))
         before, parent = turn.inverse(), joint.child
-    return tuple(joints), tuple(links), before * tool.placement
+    return tuple(joints), tuple(links), before * tool.placement * arm.tool_to_hand
 
 
 def _friction(arm: UrdfArm) -> np.ndarray:

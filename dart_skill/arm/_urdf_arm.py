@@ -30,8 +30,8 @@ from dart_skill.common.files import open_file
 TURNS = 2.0 * np.pi
 """End of the range of a joint without one, in either direction [rad]."""
 KNOWN = (
-    "about", "urdf", "install", "base", "tool", "joints", "grip", "mount_height", "velocity", "torque", "rotor_inertia", "servo",
-    "postures", "swing", "parameters",
+    "about", "urdf", "install", "base", "tool", "joints", "grip", "turn", "mount_height", "velocity", "torque", "rotor_inertia", "servo",
+    "postures", "swing", "parameters", "skills",
 )  # fmt: skip
 """Entries of a file of config/arms/."""
 
@@ -78,6 +78,9 @@ class UrdfArm:
         Links between which its joints are.
     grip
         Where the hand holds, in the frame of the tool (3,) [m].
+    turn
+        How the hand is turned about the z axis of the tool [rad]; simulated persons begin with its x
+        axis towards the base.
     mount_height
         Of the base above the floor [m].
     velocity_limits, torque_limits
@@ -96,6 +99,7 @@ class UrdfArm:
     base: str
     tool: str
     grip: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    turn: float = 0.0
     mount_height: float = 0.0
     velocity_limits: Mapping[str, float] = field(default_factory=dict)
     torque_limits: Mapping[str, float] = field(default_factory=dict)
@@ -247,8 +251,14 @@ class UrdfArm:
         data = self.model.createData()
         pin.framesForwardKinematics(self.model, data, np.asarray(q, dtype=float))
         base, tool = (data.oMf[self.model.getFrameId(name)] for name in (self.base, self.tool))
-        held = base.actInv(tool) * pin.SE3(np.eye(3), np.asarray(self.grip, dtype=float))
+        grip = pin.SE3(np.eye(3), np.asarray(self.grip, dtype=float))
+        held = base.actInv(tool) * self.tool_to_hand * grip
         return pin.SE3(np.eye(3), np.array([0.0, 0.0, self.mount_height])) * held
+
+    @property
+    def tool_to_hand(self) -> pin.SE3:
+        """The frame of the hand in that of the tool."""
+        return pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, self.turn), np.zeros(3))
 
     def axes(self, q: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Places (n, 3) [m] and directions (n, 3) of the joints' axes in the same world at angles q
@@ -411,6 +421,7 @@ def load_arm(name: str) -> UrdfArm:
             raise ValueError(f"{path}: '{key}' is {content.get(key)!r}; give a text")
     check_number(height := content.get("mount_height", 0.0), f"{path}: mount_height", -10.0, 10.0)
     check_number(grip := content.get("grip", [0.0, 0.0, 0.0]), f"{path}: grip", -2.0, 2.0)
+    check_number(turn := content.get("turn", 0.0), f"{path}: turn", -7.0, 7.0)
     if not isinstance(grip, list) or len(grip) != 3:
         raise ValueError(f"{path}: grip is {grip!r}; give three numbers [m]")
     for key, most in (("velocity", 100.0), ("torque", 10000.0), ("rotor_inertia", 100.0)):
@@ -423,6 +434,7 @@ def load_arm(name: str) -> UrdfArm:
             content["base"],
             content["tool"],
             np.array(grip, dtype=float),
+            float(turn),
             float(height),
             dict(content.get("velocity") or {}),
             dict(content.get("torque") or {}),

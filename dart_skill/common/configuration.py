@@ -104,14 +104,25 @@ def arm_path(name: str) -> Path:
     return Path(name) if name.endswith(".yaml") else config_path(f"arms/{name}.yaml")
 
 
-def _of_the_arm(name: str) -> dict:
-    """The parameters of a file of config/ that the file of the arm sets."""
+def of_the_arm(what: str, name: str) -> dict:
+    """What the file of the arm sets in place of the files of config/.
+
+    Parameters
+    ----------
+    what
+        "parameters" of nodes, or settings of "skills".
+    name
+        Of the file of config/, or of the skill.
+
+    Raises
+    ------
+    ValueError
+        Names the file if it is not as it must be.
+    """
     path = arm_path(arm_name())
-    content = _read_once(path, path.stat().st_mtime_ns).get("parameters") or {}
+    content = _read_once(path, path.stat().st_mtime_ns).get(what) or {}
     if not (isinstance(content, dict) and all(isinstance(one, dict) for one in content.values())):
-        raise ValueError(
-            f"{path}: parameters is {content!r}; give names and values by the file of config/"
-        )
+        raise ValueError(f"{path}: {what} is {content!r}; give names and values by file, or skill")
     return content.get(Path(name).stem, {})
 
 
@@ -142,7 +153,7 @@ def _parameters(name: str, section: str, described: str = "") -> dict:
     ValueError
         Names the file, the entry and what it must be, for one that is out of its range.
     """
-    path, values = config_path(name), {**_section(name, section), **_of_the_arm(name)}
+    path, values = config_path(name), {**_section(name, section), **of_the_arm("parameters", name)}
     rows = described_parameters().get(described) or {}
     for key, row in rows.items():
         if key in values and "range" in row:

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any, TypeVar, cast
 
 from dart_skill.arm import Speed
-from dart_skill.common.configuration import config_path
+from dart_skill.common.configuration import arm_name, arm_path, config_path, of_the_arm
 from dart_skill.recording import HAND
 from dart_skill.skills.protocol._settings import SkillSettings
 
@@ -114,10 +114,14 @@ class SkillBase:
     @classmethod
     def configured(cls: type[K]) -> K:
         """The skill with the settings of its file (`settings_file`), the defaults where there is
-        none.
+        none, and with those that the file of the arm has for it.
         """
-        path = settings_file(cls)
-        return cls(None if path is None else cls.settings_type.from_file(path))
+        path, of_arm = settings_file(cls), of_the_arm("skills", cls.name)
+        settings = None if path is None else cls.settings_type.from_file(path)
+        if of_arm:
+            where = f"{arm_path(arm_name())}: skills: {cls.name}"
+            settings = (settings or cls.settings_type()).changed(of_arm, where)
+        return cls(settings)
 
     def with_settings(self: K, settings: SkillSettings) -> K:
         """The same skill with other settings."""

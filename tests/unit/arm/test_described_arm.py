@@ -239,5 +239,5 @@ def test_an_arm_may_set_parameters_of_nodes(tmp_path, monkeypatch):
         atol=1e-6,
     )
     monkeypatch.setenv(ARM_VARIABLE, str(arm_file(tmp_path, parameters="[1]")))
-    with pytest.raises(ValueError, match=r"parameters is \[1\]; give names and values"):
+    with pytest.raises(ValueError, match=r"parameters is \[1\]; give names and values by file"):
         node_parameters("wam_simulator.yaml", "wam_simulator")
