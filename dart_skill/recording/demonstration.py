@@ -204,7 +204,7 @@ class Demonstration:
     motion_start: float = float("nan")
     motion_stop: float = float("nan")
     frame_id: str = the_world().frame_id
-    joint_names: tuple[str, ...] = joint_names()
+    joint_names: tuple[str, ...] = field(default_factory=joint_names)
 
     def __post_init__(self) -> None:
         if not self.id or not isinstance(self.id, str):

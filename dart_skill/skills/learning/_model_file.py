@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dart_skill.common.archive import in_order, numbered, read_arrays, write_arrays
+from dart_skill.common.configuration import arm_name
 from dart_skill.common.files import new_file, open_file
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.recording import SKILL, Demonstration, Event, Track
@@ -25,6 +26,8 @@ KIND = "dart_skill model"
 """What a model file says it is."""
 VERSION = 4
 """Changes when older files cannot be read as they are any more."""
+WAM = "wam"
+"""The arm of a model that does not say on which one it was learned."""
 NO_TRIALS = np.empty((0, 6))
 PARTS = ("time", "position", "quaternion")
 JOINTS = ("joint_time", "joint_position", "joint_velocity")
@@ -88,6 +91,7 @@ def save_model(
     content: dict[str, Any] = {
         "format": np.array(f"{KIND} {VERSION}"),
         "skill": np.array(skill),
+        "arm": np.array(Path(arm_name()).stem),
         "configuration": np.array(json.dumps(asdict(configuration))),
         "practised": np.asarray(practised, dtype=float),
     }
@@ -110,13 +114,14 @@ def load_model(path: str | Path, skill: Skill | None = None) -> SavedModel:
     Raises
     ------
     ValueError
-        If it is none, of another skill, or of another version.
+        If it is none, of another skill, of another version, or was learned on another arm.
     """
     with open_file(path) as file:
         try:
             content = read_arrays(file)
             _check_format(str(content.pop("format")))
             name, settings = (str(content.pop(one)) for one in ("skill", "configuration"))
+            arm = str(content.pop("arm", WAM))
             practised = _practised(content.pop("practised"))
             found, origin = _found(content.pop("found", None)), _found(content.pop("origin", None))
             demonstrations = [_demonstration(arrays) for arrays in in_order(content)]
@@ -126,6 +131,11 @@ def load_model(path: str | Path, skill: Skill | None = None) -> SavedModel:
             raise ValueError(
                 f"{path} is not a model file of dart_skill: {error or type(error).__name__}"
             ) from error
+    if arm != (ours := Path(arm_name()).stem):
+        raise ValueError(
+            f"{path} was learned on the arm '{arm}', and this is '{ours}': choose it with --arm"
+            f" {arm}, or learn from demonstrations of '{ours}'"
+        )
     if skill and name != skill.name:
         raise ValueError(f"{path} is a model of the skill '{name}', not of '{skill.name}'")
     kind = type(skill) if skill else skill_type(name)

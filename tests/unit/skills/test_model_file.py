@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from dart_skill.arm import KnownRegistration, Registration, same_plan
 from dart_skill.common import archive
+from dart_skill.common.configuration import ARM_VARIABLE
 from dart_skill.common.situation import Situation
 from dart_skill.skills.learning import (
     CONFIGURATIONS,
@@ -168,6 +169,14 @@ def test_another_version_is_named(saved):
     with pytest.raises(
         ValueError,
         match="it has version 7, and this dart_skill reads version 4: learn from the bag again",
+    ):
+        load_model(saved)
+
+
+def test_a_model_of_another_arm_is_refused_by_name(saved, monkeypatch):
+    monkeypatch.setenv(ARM_VARIABLE, "iiwa7")
+    with pytest.raises(
+        ValueError, match="learned on the arm 'wam', and this is 'iiwa7'.*--arm wam"
     ):
         load_model(saved)
 
