@@ -80,7 +80,18 @@ def _parsed(text: str) -> Any:
 
 def arm_name() -> str:
     """Name of the arm, or path of its file, from the environment or from config/world.yaml."""
-    return os.environ.get(ARM_VARIABLE) or str(_section("world.yaml", "/**")["arm"])
+    return os.environ.get(ARM_VARIABLE) or _configured_arm(chosen_folder())
+
+
+def chosen_folder() -> str:
+    """The folder that counts instead of config/; empty if none was chosen."""
+    return os.environ.get("DART_SKILL_CONFIG", "")
+
+
+@lru_cache(maxsize=4)
+def _configured_arm(_folder: str) -> str:
+    """The arm of world.yaml in a folder: it is asked for at every step of an arm."""
+    return str(_section("world.yaml", "/**")["arm"])
 
 
 def arm_names() -> list[str]:
@@ -250,5 +261,5 @@ def ros_prefixes() -> list[Path]:
 
 
 def _folders() -> list[Path]:
-    chosen = os.environ.get("DART_SKILL_CONFIG")
+    chosen = chosen_folder()
     return ([Path(chosen)] if chosen else []) + shared_folders("config", "dart_skill", "config")

@@ -10,7 +10,9 @@ from functools import lru_cache
 
 from dart_skill.common.arm_choice import description_path, joint_names
 from dart_skill.common.configuration import (
+    arm_name,
     check_number,
+    chosen_folder,
     config_path,
     world_parameters,
 )
@@ -106,15 +108,19 @@ class World:
         return {role: pose_topic(self.body(role)) for role in ROLES}
 
 
-@lru_cache(maxsize=1)
 def the_world() -> World:
-    """The world of config/world.yaml.
+    """The world of config/world.yaml, for the arm of this process.
 
     Raises
     ------
     ValueError
         If an entry is missing, or one is not known.
     """
+    return _world(arm_name(), chosen_folder())
+
+
+@lru_cache(maxsize=4)
+def _world(_arm: str, _folder: str) -> World:
     entries = _checked(world_parameters())
     return World(**{**entries, "board_position": tuple(entries["board_position"])})
 
