@@ -221,7 +221,7 @@ def test_a_user_without_a_home_has_the_graph_all_the_same(home, tmp_path):
 CANNOT = {
     "demonstration_recorder": (["-p", "basket_radius:=.nan"], "basket_radius"),
     "teacher": (["-p", "seed:=text"], "seed"),
-    "composed": (["-p", "wam_simulator:mass_scale:=[1.0]"], "mass_scale"),
+    "composed": (["-p", "wam_simulator:mass_scale:=[1.0, 1.0]"], "mass_scale"),
     "viewer": (["-p", "host:=no.such.host.invalid"], "no.such.host.invalid"),
     "bag_player": (["-p", "bag:=nowhere"], "nowhere: no such bag"),
 }
