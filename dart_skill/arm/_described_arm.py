@@ -2,7 +2,7 @@
 
 What neither says is estimated, so that the arm can be simulated and moved: the servo of the joints
 from their inertia, the torque that is left at a speed from the limits, shapes from where the joints
-are. The file may give each of them.
+are. The file may give the servo, postures and the swing.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ FOLLOWS, HOLDS = 15.0, 30.0
 of the WAM are 12 to 25 and 24 to 60.
 """
 DAMPED = 0.7
-"""Its damping ratio."""
+"""Damping ratio of the servo."""
 SERVO_SHARE = 0.3
-"""Its largest torque, as a share of the joint's; that of the WAM is 0.12 to 0.5, but for J7."""
+"""Largest torque of the servo, as a share of the joint's; that of the WAM is 0.12 to 0.5, but for J7."""
 HEADROOM = 2.0
 """A joint has its whole torque up to its largest speed, none at so many times that speed, and brakes
 beyond: what drives with a speed limit of their own do.
@@ -47,13 +47,13 @@ as shares of its largest torque; those of the WAM are 0.016 to 0.047. Such frict
 not compensated.
 """
 RADIUS = 0.06
-"""Of the capsule around the line between two joints [m]."""
+"""Radius of the capsule around the line between two joints [m]."""
 SHORT = 0.03
 """Joints that are nearer to each other have no capsule between them [m]."""
 PALM = 0.05
 """How far out of the mounting face the body of a hand goes [m]."""
 NOTHING = Inertial(1e-6, np.zeros(3), 1e-9 * np.eye(3))
-"""Of a hand whose mass is that of the last link."""
+"""Inertia of a hand whose mass is counted with the last link."""
 HOME = 0.3
 """Height over its base at which a hand points down in the home posture of an arm that says none [m]."""
 TRIED = 20_000

@@ -21,7 +21,7 @@ NEAR = 1e-4
 STARTS = 40
 """Number of drawn postures from which a solution is looked for."""
 STEPS = 100
-"""Of the solver, from each of them."""
+"""Number of steps of the solver from each of them."""
 DAMPING = 1e-4
 """Added to J J' [m^2]: near a singular posture the steps stay short."""
 
