@@ -341,7 +341,11 @@ def test_a_speed_that_is_not_finite_is_refused(graph, stranger, calm):
 
 @pytest.mark.parametrize(
     "change",
-    [{"mass_scale": [1.0, 1.0]}, {"mass_scale": [-1.0] * 7}, {"joint_stiffness": [100.0] * 6 + [0.0]}],
+    [
+        {"mass_scale": [1.0, 1.0]},
+        {"mass_scale": [-1.0] * 7},
+        {"joint_stiffness": [100.0] * 6 + [0.0]},
+    ],
 )
 def test_an_arm_that_cannot_be_is_refused_when_it_is_set_and_not_at_a_reset(
     graph, stranger, calm, change
