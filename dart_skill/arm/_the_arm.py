@@ -8,7 +8,7 @@ from dart_skill.arm._description import (
     parse_description,
     parse_swing,
 )
-from dart_skill.common.configuration import arm_name, arm_path, config_path, read_yaml
+from dart_skill.common.configuration import arm_name, arm_path, description_path, read_yaml
 
 
 def the_arm() -> ArmDescription:
@@ -24,9 +24,9 @@ def the_arm() -> ArmDescription:
 
 @lru_cache(maxsize=8)
 def _arm(name: str) -> ArmDescription:
-    table = str(read_yaml(arm_path(name)).get("urdf", ""))
-    if table.endswith(".yaml"):
-        return parse_description(read_yaml(config_path(table)))
+    path = description_path(name)
+    if path != arm_path(name):
+        return parse_description(read_yaml(path))
     from dart_skill.arm._described_arm import described  # with Pinocchio, which reads URDFs
 
     return described(name)
@@ -45,12 +45,9 @@ def the_swing() -> ArmSwing:
 
 @lru_cache(maxsize=8)
 def _swing(name: str) -> ArmSwing:
-    content, n = read_yaml(arm_path(name)), the_arm().n_joints
-    table = str(content.get("urdf", ""))
-    if table.endswith(".yaml"):
-        content = read_yaml(config_path(table))
+    content = read_yaml(description_path(name))
     if "swing" in content:
-        return parse_swing(content["swing"], n)
+        return parse_swing(content["swing"], the_arm().n_joints)
     from dart_skill.arm._throwing_bound import widest_swing  # with Pinocchio
 
     return widest_swing(name)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from xml.etree import ElementTree
@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from dart_skill.arm._description import parse_description
+from dart_skill.arm._description import ServoGains, parse_description
 from dart_skill.arm._urdf import write_urdf
 from dart_skill.common.configuration import (
     arm_path,
@@ -461,6 +461,9 @@ def _check_rows(arm: UrdfArm, content: Mapping) -> None:
         raise ValueError(
             f"joints is {content['joints']}; from {arm.base} to {arm.tool} they are {names}"
         )
+    known = [one.name for one in fields(ServoGains)]
+    if unknown := sorted(set(arm.servo) - set(known)):
+        raise ValueError(f"servo: unknown {', '.join(unknown)}; {', '.join(known)} are known")
     for what, rows in (("servo", arm.servo), ("postures", arm.postures)):
         for name, row in rows.items():
             if row.shape != (len(names),) or not np.isfinite(row).all():

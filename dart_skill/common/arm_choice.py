@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from pathlib import Path
 
-from dart_skill.common.configuration import arm_name, arm_path, config_path, read_yaml
+from dart_skill.common.configuration import arm_name, arm_path, description_path, read_yaml
 
 
 def joint_names() -> tuple[str, ...]:
@@ -18,21 +17,13 @@ def joint_count() -> int:
     return len(joint_names())
 
 
-def description_path() -> Path:
-    """The file of config/ that describes the arm, and has these names."""
-    path = arm_path(arm_name())
-    table = str(read_yaml(path).get("urdf", ""))
-    return config_path(table) if table.endswith(".yaml") else path
-
-
 @lru_cache(maxsize=8)
 def _joint_names(name: str) -> tuple[str, ...]:
-    path = arm_path(name)
+    path = description_path(name)
     content = read_yaml(path)
-    table = str(content.get("urdf", ""))
-    if table.endswith(".yaml"):  # the arm is described there, and its URDF written from it
-        return tuple(joint["name"] for joint in read_yaml(config_path(table))["joints"])
     joints = content.get("joints")
+    if path != arm_path(name):
+        return tuple(joint["name"] for joint in content["joints"])
     if not isinstance(joints, list) or not all(isinstance(one, str) for one in joints):
         raise ValueError(
             f"{path}: joints is {joints!r}; name the joints from the base to the hand, as"

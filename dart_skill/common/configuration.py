@@ -115,6 +115,15 @@ def arm_path(name: str) -> Path:
     return Path(name) if name.endswith(".yaml") else config_path(f"arms/{name}.yaml")
 
 
+def description_path(name: str) -> Path:
+    """The file of config/ that describes an arm: its own, or the table that it names in the place of
+    a URDF, which is written from that.
+    """
+    path = arm_path(name)
+    table = str(read_yaml(path).get("urdf", ""))
+    return config_path(table) if table.endswith(".yaml") else path
+
+
 def of_the_arm(what: str, name: str) -> dict:
     """What the file of the arm sets in place of the files of config/.
 

@@ -8,12 +8,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
 
-from dart_skill.common.arm_choice import description_path, joint_names
+from dart_skill.common.arm_choice import joint_names
 from dart_skill.common.configuration import (
     arm_name,
     check_number,
     chosen_folder,
     config_path,
+    description_path,
     world_parameters,
 )
 
@@ -169,7 +170,7 @@ def joint_order(names: tuple[str, ...], wanted: tuple[str, ...] = ()) -> list[in
     for name in wanted:
         if names.count(name) != 1:
             how = "is missing" if name not in names else "is named twice"
-            file = "/".join(description_path().parts[-2:])
+            file = "/".join(description_path(arm_name()).parts[-2:])
             remedy = (
                 f"name the arm's joints {wanted[0]} to {wanted[-1]} in the driver, or put the"
                 f" driver's names into {file}"

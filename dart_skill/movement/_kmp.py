@@ -118,20 +118,11 @@ class KMP(TimedViaPoints, SavableModel):
         covariances = array_of(arrays, "covariances", (*means.shape, means.shape[1]))
         self._set(time, means, covariances, array_of(arrays, "height", ()))
 
-    def _require_fitted(self) -> None:
-        if not hasattr(self, "time_"):
-            raise ValueError("this KMP holds no model yet; call fit first")
-
     def _fitted_to(self) -> str:
-        if not hasattr(self, "time_"):
+        if not hasattr(self, "means_"):
             return ""
         n, d = self.means_.shape
         return f"{self._shown()}{d} movement variables, {n} references"
-
-    @property
-    def _first_and_last(self) -> tuple[float, float]:
-        self._require_fitted()
-        return float(self.time_[0]), float(self.time_[-1])
 
     @property
     def _n_outputs(self) -> int:

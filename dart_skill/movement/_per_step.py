@@ -41,7 +41,32 @@ SMOOTHNESS = 0.1
 """l of a via point in parts of the movement."""
 
 
-class PerStepGaussians(TimedViaPoints, SavableModel):
+class StepwiseGaussians(TimedViaPoints, SavableModel):
+    """Base of models with a Gaussian at each step, whose parameters `PerStepGaussians` describes."""
+
+    means_: np.ndarray
+    covariances_: np.ndarray
+
+    def __init__(
+        self,
+        n_steps: int = 100,
+        *,
+        covariance_prior: float = 2.0,
+        covariance_floor: float = 1e-6,
+        smoothness: float | None = None,
+    ) -> None:
+        self.n_steps = as_count(n_steps, "n_steps", 2)
+        self.covariance_prior = as_number(covariance_prior, "covariance_prior", strict=False)
+        self.covariance_floor = as_number(covariance_floor, "covariance_floor")
+        self.smoothness = as_smoothness(smoothness)
+
+    def _to_arrays(self) -> Arrays:
+        self._require_fitted()
+        self._require_no_vias()
+        return {"time": self.time_, "means": self.means_, "covariances": self.covariances_}
+
+
+class PerStepGaussians(StepwiseGaussians):
     """Movement of d variables in P task frames, with a Gaussian at each of n steps.
 
     Frames are TaskFrames over [t, y] that pass time through, and stay where they are.
@@ -65,19 +90,6 @@ class PerStepGaussians(TimedViaPoints, SavableModel):
         Float [s], default None: a tenth of the movement. Over what time a via point (`condition`)
         draws the path.
     """
-
-    def __init__(
-        self,
-        n_steps: int = 100,
-        *,
-        covariance_prior: float = 2.0,
-        covariance_floor: float = 1e-6,
-        smoothness: float | None = None,
-    ) -> None:
-        self.n_steps = as_count(n_steps, "n_steps", 2)
-        self.covariance_prior = as_number(covariance_prior, "covariance_prior", strict=False)
-        self.covariance_floor = as_number(covariance_floor, "covariance_floor")
-        self.smoothness = as_smoothness(smoothness)
 
     def fit(
         self,
@@ -144,31 +156,17 @@ class PerStepGaussians(TimedViaPoints, SavableModel):
         self._whiteners = np.linalg.inv(cholesky(covariances, "covariance of step"))
         self._vias = ()
 
-    def _to_arrays(self) -> Arrays:
-        self._require_fitted()
-        self._require_no_vias()
-        return {"time": self.time_, "means": self.means_, "covariances": self.covariances_}
-
     def _from_arrays(self, arrays: Arrays) -> None:
         time = array_of(arrays, "time", (None,))
         means = array_of(arrays, "means", (None, len(time), None))
         shape = (*means.shape, means.shape[2])
         self._set(time, means, array_of(arrays, "covariances", shape))
 
-    def _require_fitted(self) -> None:
-        if not hasattr(self, "time_"):
-            raise ValueError("this PerStepGaussians holds no model yet; call fit first")
-
     def _fitted_to(self) -> str:
-        if not hasattr(self, "time_"):
+        if not hasattr(self, "means_"):
             return ""
         p, n, d = self.means_.shape
         return f"{self._shown()}{d} movement variables at {n} steps in {p} task frames"
-
-    @property
-    def _first_and_last(self) -> tuple[float, float]:
-        self._require_fitted()
-        return float(self.time_[0]), float(self.time_[-1])
 
     @property
     def _n_outputs(self) -> int:

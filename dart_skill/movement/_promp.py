@@ -110,10 +110,6 @@ class ProMP(TimedViaPoints, SavableModel):
         covariance = array_of(arrays, "covariance", (means.size, means.size))
         self._set(array_of(arrays, "ends", (2,)), means, covariance)
 
-    def _require_fitted(self) -> None:
-        if not hasattr(self, "means_"):
-            raise ValueError("this ProMP holds no model yet; call fit first")
-
     def _fitted_to(self) -> str:
         if not hasattr(self, "means_"):
             return ""

@@ -106,12 +106,19 @@ class ViaPoints:
 
 
 class TimedViaPoints(ViaPoints):
-    """Base of those that know when they begin and end."""
+    """Base of those that know when they begin and end: their `time_`, once `means_` are fitted."""
+
+    time_: np.ndarray
+
+    def _require_fitted(self) -> None:
+        if not hasattr(self, "means_"):
+            raise ValueError(f"this {type(self).__name__} holds no model yet; call fit first")
 
     @property
     def _first_and_last(self) -> tuple[float, float]:
         """First and last instant of the movement [s]."""
-        raise NotImplementedError
+        self._require_fitted()
+        return float(self.time_[0]), float(self.time_[-1])
 
     def between(self: TimedMovement, start: ArrayLike, end: ArrayLike) -> TimedMovement:
         """The same movement with exactly this start and end (d,), in the world."""

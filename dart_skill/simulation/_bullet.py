@@ -104,7 +104,7 @@ class ArmDynamics:
 
     def gravity_torque(self, position: np.ndarray) -> np.ndarray:
         """Torque that holds the arm (7,) [N m] at angles (7,) [rad]."""
-        return self._torque(position.tolist(), [0.0] * len(position))
+        return self._torque(position.tolist(), self._still)
 
     def terms(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mass matrix (7, 7) [kg m^2], and the torque at zero acceleration (7,) [N m].

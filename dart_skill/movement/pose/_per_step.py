@@ -14,15 +14,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.common.checks import as_count, as_number, as_vector
-from dart_skill.common.hyper_parameters import Arrays, SavableModel, array_of
+from dart_skill.common.checks import as_vector
+from dart_skill.common.hyper_parameters import Arrays, array_of
 from dart_skill.movement._on_steps import on_steps
 from dart_skill.movement._orientation import make_continuous
-from dart_skill.movement._per_step import SMOOTHNESS
+from dart_skill.movement._per_step import SMOOTHNESS, StepwiseGaussians
 from dart_skill.movement._via_points import (
-    TimedViaPoints,
     arrays_of,
-    as_smoothness,
     conditioned,
     interpolating,
 )
@@ -34,7 +32,7 @@ PARTS = (slice(0, 3), slice(3, 6))
 """Columns of position [m] and of rotation [rad] in the tangent space."""
 
 
-class PerStepPoses(TimedViaPoints, SavableModel):
+class PerStepPoses(StepwiseGaussians):
     """Movement of position and orientation in P task frames, with a Gaussian at each of n steps.
 
     Position and rotation of a step are independent. Frames stay where they are.
@@ -55,19 +53,6 @@ class PerStepPoses(TimedViaPoints, SavableModel):
     smoothness
         Float [s], default None: a tenth of the movement. As of `PerStepGaussians`.
     """
-
-    def __init__(
-        self,
-        n_steps: int = 100,
-        *,
-        covariance_prior: float = 2.0,
-        covariance_floor: float = 1e-6,
-        smoothness: float | None = None,
-    ) -> None:
-        self.n_steps = as_count(n_steps, "n_steps", 2)
-        self.covariance_prior = as_number(covariance_prior, "covariance_prior", strict=False)
-        self.covariance_floor = as_number(covariance_floor, "covariance_floor")
-        self.smoothness = as_smoothness(smoothness)
 
     def fit(
         self,
@@ -148,31 +133,17 @@ class PerStepPoses(TimedViaPoints, SavableModel):
     def _set(self, time: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> None:
         self.time_, self.means_, self.covariances_, self._vias = time, means, covariances, ()
 
-    def _to_arrays(self) -> Arrays:
-        self._require_fitted()
-        self._require_no_vias()
-        return {"time": self.time_, "means": self.means_, "covariances": self.covariances_}
-
     def _from_arrays(self, arrays: Arrays) -> None:
         time = array_of(arrays, "time", (None,))
         means = array_of(arrays, "means", (None, len(time), 7))
         covariances = array_of(arrays, "covariances", (*means.shape[:2], 6, 6))
         self._set(time, means, covariances)
 
-    def _require_fitted(self) -> None:
-        if not hasattr(self, "time_"):
-            raise ValueError("this PerStepPoses holds no model yet; call fit first")
-
     def _fitted_to(self) -> str:
-        if not hasattr(self, "time_"):
+        if not hasattr(self, "means_"):
             return ""
         p, n, _ = self.means_.shape
         return f"{self._shown()}positions and orientations at {n} steps in {p} task frames"
-
-    @property
-    def _first_and_last(self) -> tuple[float, float]:
-        self._require_fitted()
-        return float(self.time_[0]), float(self.time_[-1])
 
     @property
     def _n_outputs(self) -> int:

@@ -87,6 +87,7 @@ class Primitives(ClockedRepresentation, Generic[AnyPrimitive]):
     tells_covariance = False
     primitive: AnyPrimitive
     _kind: type[AnyPrimitive]
+    _asked: type[PrimitiveCourse]
 
     @classmethod
     def driven_by(cls, skill: Skill) -> str:
@@ -99,6 +100,15 @@ class Primitives(ClockedRepresentation, Generic[AnyPrimitive]):
     @classmethod
     def packed(cls, model: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         return {}, model.arrays()
+
+    @classmethod
+    def unpacked(
+        cls, settings: SkillSettings, about: dict[str, Any], arrays: dict[str, np.ndarray]
+    ) -> PrimitiveCourse:
+        kind = cls._asked
+        return kind(
+            **_fields(kind, arrays), stiffness=settings.stiffness, rule=phase_rule(settings)
+        )
 
     def __init__(self, shown: LearnedSkill):
         super().__init__(shown)
@@ -257,23 +267,13 @@ class VectorPrimitive(Primitives[DiscretePrimitive]):
     skill whose bodies move, where the hand keeps the orientation of the start.
     """
 
-    _kind = DiscretePrimitive
+    _kind, _asked = DiscretePrimitive, PrimitiveCourse
 
     @classmethod
     def refusal(cls, skill: Skill) -> str:
         if skill.bodies_move and skill.turns_hand:
             return "the hand would keep the orientation of the start, and this skill turns it"
         return super().refusal(skill)
-
-    @classmethod
-    def unpacked(
-        cls, settings: SkillSettings, about: dict[str, Any], arrays: dict[str, np.ndarray]
-    ) -> PrimitiveCourse:
-        return PrimitiveCourse(
-            **_fields(PrimitiveCourse, arrays),
-            stiffness=settings.stiffness,
-            rule=phase_rule(settings),
-        )
 
     def _features(self, poses: np.ndarray) -> np.ndarray:
         return poses[:, :3] if self.reacts else pose_features(poses[:, :3], poses[:, 3:])
@@ -300,17 +300,7 @@ class PosePrimitive(Primitives[DiscretePosePrimitive]):
     vector from the goal.
     """
 
-    _kind = DiscretePosePrimitive
-
-    @classmethod
-    def unpacked(
-        cls, settings: SkillSettings, about: dict[str, Any], arrays: dict[str, np.ndarray]
-    ) -> PosePrimitiveCourse:
-        return PosePrimitiveCourse(
-            **_fields(PosePrimitiveCourse, arrays),
-            stiffness=settings.stiffness,
-            rule=phase_rule(settings),
-        )
+    _kind, _asked = DiscretePosePrimitive, PosePrimitiveCourse
 
     def _features(self, poses: np.ndarray) -> np.ndarray:
         return poses

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dart_skill.arm import the_arm, write_urdf
-from dart_skill.common.arm_choice import description_path
-from dart_skill.common.configuration import config_path
+from dart_skill.common.configuration import arm_name, config_path, description_path
 from dart_skill.recording import BagWriter
 
 PARAMETER_FILES = (
@@ -27,5 +26,5 @@ def attach_arm(writer: BagWriter) -> None:
     """
     arm = the_arm()
     writer.add_attachment(f"{arm.name}.urdf", write_urdf(arm), "application/xml")
-    for path in (description_path(), *map(config_path, PARAMETER_FILES)):
+    for path in (description_path(arm_name()), *map(config_path, PARAMETER_FILES)):
         writer.add_attachment(path.name, path.read_text(encoding="utf-8"), "application/yaml")

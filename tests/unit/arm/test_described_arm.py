@@ -201,6 +201,11 @@ def test_a_swing_keeps_clear_and_ends_as_fast_as_its_joints(iiwa):
             "[a, b, d, c]",
             r"joints is \['a', 'b', 'd', 'c'\]; from base to hand they are",
         ),
+        (
+            "servo",
+            "{stifness: [1.0, 1.0, 1.0, 1.0]}",
+            "servo: unknown stifness; stiffness, damping,",
+        ),
         ("servo", "{limit: [1.0]}", "servo: limit is .*give 4 finite numbers"),
         ("postures", "{home: [1.0, .nan, 0.0, 0.0]}", "postures: home is .*give 4 finite numbers"),
         (
