@@ -632,6 +632,9 @@ TYPED = {
     "dart-skill experiment reach --jobs 2": Run(
         "--seeds 1 --cups 1 --demonstrations 3 --held 1", says="the phase goes on by", slow=True
     ),
+    "dart-skill experiment place --arm iiwa7 --seeds 1": OtherNumbers(
+        "dart-skill experiment place --jobs 2"
+    ),
     "dart-skill experiment place --jobs 2 --demonstrations 3 --seeds 4": OtherNumbers(
         "dart-skill experiment place --jobs 2"
     ),
