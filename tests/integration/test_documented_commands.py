@@ -632,8 +632,8 @@ TYPED = {
     "dart-skill experiment reach --jobs 2": Run(
         "--seeds 1 --cups 1 --demonstrations 3 --held 1", says="the phase goes on by", slow=True
     ),
-    "dart-skill experiment place --arm iiwa7 --seeds 1": OtherNumbers(
-        "dart-skill experiment place --jobs 2"
+    "dart-skill experiment place --arm iiwa7 --seeds 1": Run(
+        "--parts 1 --demonstrations 3", says="of 1 parts are in their holders", slow=True
     ),
     "dart-skill experiment place --jobs 2 --demonstrations 3 --seeds 4": OtherNumbers(
         "dart-skill experiment place --jobs 2"
