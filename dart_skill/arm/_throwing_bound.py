@@ -27,7 +27,7 @@ from dart_skill.common.world import the_world
 
 SWINGS = (0.3, 0.4, 0.5, 0.7)
 """Times that a swing may take [s]."""
-POSTURES = 20_000
+POSTURES = 4_000
 """Number of postures that are tried."""
 ROUNDS = 8
 """Number of times that the neighbours of the best are tried."""
@@ -41,6 +41,12 @@ CLEAR = 0.25
 """Distance that the hand keeps from the axis of the base, below the shoulder, and above it [m]."""
 FOLLOW_THROUGH = 0.45
 """Time in which a person brings the arm to rest after the release [s]."""
+GUIDED_SPEED = 0.7
+"""Share of the speed of each joint at which a person guides an arm: hands that lag behind a swing
+and catch up must not pass the limit.
+"""
+GUIDED_DISTANCE = 0.9
+"""A slower swing that throws so far, as a share of the farthest, is easier to guide."""
 NOTHING = 1e-9
 """A joint that moves the hand aside by less does not [m/rad]."""
 
@@ -125,20 +131,12 @@ def throwing_bound(
     rim: float,
     angle: float = 0.25 * np.pi,
     seed: int = 0,
-    follow_through: float = 0.0,
-    side: float | None = None,
 ) -> ThrowingBound:
     """The farthest throw of an arm into a rim at a height [m] above the floor, at an angle above the
     horizontal [rad].
 
     Parameters
     ----------
-    follow_through
-        Time in which the joints come to rest after the release, within their ranges [s]; then the
-        hand keeps away from the base, too.
-    side
-        Largest azimuth to either side at which the arm shall throw [rad]; None: it does not matter
-        where it throws.
     seed
         Of the postures that are tried.
 
@@ -146,6 +144,58 @@ def throwing_bound(
     ------
     ValueError
         If the arm has no plane, or reaches no rim at that height.
+    """
+    return max(_throws(arm, rim, angle, seed), key=lambda bound: bound.distance)
+
+
+def guided_bound(arm: UrdfArm, rim: float, side: float, angle: float = 0.25 * np.pi) -> ThrowingBound:
+    """The throw that a person guides an arm through: `GUIDED_SPEED` of what its joints can do, from
+    rest to rest, the hand clear of the base, and the slowest swing that gets nearly as far as the
+    farthest.
+
+    Parameters
+    ----------
+    side
+        Largest azimuth to either side at which the arm shall throw [rad].
+    rim, angle
+        As of `throwing_bound`.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    throws = _throws(arm, rim, angle, 0, GUIDED_SPEED, FOLLOW_THROUGH)
+    low, high = arm.lower[0] + side, arm.upper[0] - side
+    turned = [one for one in throws if low <= one.plane.rest[0] + _turn(arm, one) <= high]
+    if not turned:
+        raise ValueError(
+            f"arm {arm.name}: its first joint cannot turn {np.degrees(side):.0f} degrees to either"
+            " side of the direction in which it throws"
+        )
+    farthest = max(one.distance for one in turned)
+    far = [one for one in turned if one.distance >= GUIDED_DISTANCE * farthest]
+    return max(far, key=lambda bound: (bound.swing, bound.distance))
+
+
+def _throws(
+    arm: UrdfArm,
+    rim: float,
+    angle: float,
+    seed: int,
+    share: float = 1.0,
+    follow_through: float = 0.0,
+) -> list[ThrowingBound]:
+    """The farthest throw of each time of a swing, to either side of the plane; ValueError if there
+    is none.
+
+    Parameters
+    ----------
+    share
+        Of the speeds of the joints.
+    follow_through
+        Time in which the joints come to rest after the release, within their ranges [s]; then the
+        hand keeps away from the base, too.
     """
     plane, rng = swing_plane(arm), np.random.default_rng(seed)
     found = [
@@ -158,24 +208,22 @@ def throwing_bound(
                 plane,
                 rim,
                 np.array([side * np.cos(angle), np.sin(angle)]),
+                share,
                 (swing, follow_through),
                 rng,
             )
         )
     ]
-    if side is not None:
-        low, high = arm.lower[0] + side, arm.upper[0] - side
-        found = [one for one in found if low <= one.plane.rest[0] + _turn(arm, one) <= high]
     if not found:
         raise ValueError(
             f"arm {arm.name}: no posture throws at {np.degrees(angle):.0f} degrees to a height of"
             f" {rim:.2f} m"
         )
-    return max(found, key=lambda bound: bound.distance)
+    return found
 
 
 def widest_swing(name: str) -> ArmSwing:
-    """The swing of the farthest throw of an arm of config/arms/ to where baskets stand.
+    """The swing with which a person throws with an arm of config/arms/ to where baskets stand.
 
     Raises
     ------
@@ -183,7 +231,7 @@ def widest_swing(name: str) -> ArmSwing:
         If it throws nowhere.
     """
     arm, world = load_arm(name), the_world()
-    bound = throwing_bound(arm, world.rim, follow_through=FOLLOW_THROUGH, side=world.side)
+    bound = guided_bound(arm, world.rim, world.side)
     joints, rest = bound.plane.joints, bound.plane.rest.copy()
     rest[0] += _turn(arm, bound)
     start, release, rates = (row[joints] for row in (bound.start, bound.angles, bound.rates))
@@ -203,13 +251,16 @@ def _best(
     plane: SwingPlane,
     rim: float,
     direction: np.ndarray,
+    share: float,
     times: tuple[float, float],
     rng: np.random.Generator,
 ) -> ThrowingBound | None:
-    """The farthest throw in one direction with given times [s] of swing and follow-through."""
+    """The farthest throw in one direction at a share of the joints' speeds, with given times [s] of
+    swing and follow-through.
+    """
     swing, follow = times
     lower, upper = arm.lower[plane.joints] + MARGIN, arm.upper[plane.joints] - MARGIN
-    limits, best, farthest = arm.speeds[plane.joints], None, 0.0
+    limits, best, farthest = share * arm.speeds[plane.joints], None, 0.0
     width, middle = upper - lower, 0.5 * (lower + upper)
     for _ in range(ROUNDS):
         angles = (middle + width * (rng.random((POSTURES, len(lower))) - 0.5)).clip(lower, upper)
