@@ -65,8 +65,8 @@ class Actuation:
         )
 
     def deliverable(self, torque: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """The torque (7,) that reaches the joints when `torque` is asked for at joint velocity
-        (7,) [N m].
+        """The torque (n,) that reaches the joints when `torque` is asked for at joint velocity
+        (n,) [N m].
         """
         for i in range(self._n):
             asked = back_emf = 0.0
@@ -80,7 +80,7 @@ class Actuation:
         return self._at_joints()
 
     def braking(self, velocity: np.ndarray) -> np.ndarray:
-        """Torque (7,) of the motors when they are shorted, against joint velocity (7,) [N m]."""
+        """Torque (n,) of the motors when they are shorted, against joint velocity (n,) [N m]."""
         for i in range(self._n):
             speed = 0.0
             for j in range(self._n):
@@ -89,7 +89,7 @@ class Actuation:
         return self._at_joints()
 
     def _at_joints(self) -> np.ndarray:
-        """The motors' torques as those of the joints (7,) [N m]."""
+        """The motors' torques as those of the joints (n,) [N m]."""
         result = np.empty(self._n)
         torque = result
         for j in range(self._n):
@@ -100,7 +100,7 @@ class Actuation:
         return result
 
     def damping(self, velocity: np.ndarray) -> np.ndarray:
-        """Joint friction at joint velocity (7,) as the damping (7,) [N m s/rad] that has its value
+        """Joint friction at joint velocity (n,) as the damping (n,) [N m s/rad] that has its value
         there.
         """
         result = np.empty(self._n)
@@ -118,12 +118,12 @@ class Actuation:
     def acceleration(
         self, inertia: np.ndarray, torque: np.ndarray, velocity: np.ndarray, step: float
     ) -> np.ndarray:
-        """Joint acceleration (7,) over one step with friction, which never turns a motion round.
+        """Joint acceleration (n,) over one step with friction, which never turns a motion round.
 
         Parameters
         ----------
-        inertia : (7, 7)
-        torque : (7,)
+        inertia : (n, n)
+        torque : (n,)
             Net of gravity and Coriolis terms. Coulomb friction enters as the damping that has its
             value at the speed reached, c / max(|v|, STICTION_SPEED): implicit Euler, one
             fixed-point correction.

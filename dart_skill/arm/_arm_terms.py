@@ -38,19 +38,19 @@ class ArmTerms:
     Attributes
     ----------
     q, qd
-        Angles and speeds of the joints (7,) [rad], [rad/s]; are_finite, whether all are.
+        Angles and speeds of the joints (n,) [rad], [rad/s]; are_finite, whether all are.
     position, rotation
         Of the hand (3,) [m] and (3, 3).
     jacobian, velocity
-        Of the hand (6, 7) and (6,), linear over angular [m/s, rad/s].
+        Of the hand (6, n) and (6,), linear over angular [m/s, rad/s].
     hand_speed, elbow_speed
         [m/s].
     gravity
-        Torque that holds the arm (7,) [N m], after `find_gravity`.
+        Torque that holds the arm (n,) [N m], after `find_gravity`.
     inertia
-        With that of the rotors (7, 7) [kg m^2], after `find_inertia`.
+        With that of the rotors (n, n) [kg m^2], after `find_inertia`.
     coriolis
-        Torque of Coriolis and centrifugal terms (7,) [N m], after `find_coriolis`.
+        Torque of Coriolis and centrifugal terms (n,) [N m], after `find_coriolis`.
     drift
         Acceleration of the hand at zero joint acceleration (6,), after `find_coriolis`.
     """
@@ -105,7 +105,7 @@ class ArmTerms:
         )
 
     def take(self, q: np.ndarray, qd: np.ndarray | None) -> None:
-        """From now on all is about the state of angles q (7,) [rad] and speeds qd (7,) [rad/s].
+        """From now on all is about the state of angles q (n,) [rad] and speeds qd (n,) [rad/s].
 
         Without speeds, what depends on them is left out.
 
@@ -175,11 +175,11 @@ class ArmTerms:
         return position
 
     def elbow_jacobian(self) -> np.ndarray:
-        """Linear velocity of the elbow for the speeds of the joints (3, 7)."""
+        """Linear velocity of the elbow for the speeds of the joints (3, n)."""
         return self._of_elbow()[:3]
 
     def inertial_torque(self, acceleration: np.ndarray) -> np.ndarray:
-        """Torque (7,) [N m] that gives the joints an acceleration (7,) [rad/s^2], but for gravity
+        """Torque (n,) [N m] that gives the joints an acceleration (n,) [rad/s^2], but for gravity
         and Coriolis terms.
         """
         self.find_inertia()

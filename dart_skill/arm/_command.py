@@ -31,9 +31,9 @@ class ArmState:
     stamp_ns
         Int [ns].
     position
-        Joint angles (7,) [rad].
+        Joint angles (n,) [rad].
     velocity
-        Joint velocities (7,) [rad/s].
+        Joint velocities (n,) [rad/s].
     """
 
     stamp_ns: int
@@ -52,7 +52,7 @@ class Command:
     wrench
         (6,), force [N] and moment [N m] at the hand frame's origin, world axes.
     joint_torque
-        (7,), is added to J' wrench [N m].
+        (n,), is added to J' wrench [N m].
     grip
         What the hand shall do.
     speed

@@ -236,7 +236,7 @@ class Commander:
         self._enter(mode, state)
 
     def _time_to(self, posture: np.ndarray, start: np.ndarray) -> float:
-        """Time of a way between postures (7,) on which no joint is faster than it may be [s]."""
+        """Time of a way between postures (n,) on which no joint is faster than it may be [s]."""
         return max(
             0.3, 1.875 * float(np.abs(posture - start).max()) / self.settings.approach_speed
         )
@@ -273,7 +273,7 @@ class Commander:
         return self._requested_move is not None or self.mode == Mode.MOVING
 
     def move_to(self, posture: np.ndarray, state: ArmState) -> float:
-        """Move to a posture (7,) [rad] from the next state on, and hold it: how long it takes from
+        """Move to a posture (n,) [rad] from the next state on, and hold it: how long it takes from
         this state [s].
 
         Raises
@@ -522,7 +522,7 @@ def limit_broken(
     lower: np.ndarray,
     upper: np.ndarray,
 ) -> str:
-    """Which limit of a motion joints (7,) [rad], or a hand so far off [m], have passed, in words;
+    """Which limit of a motion joints (n,) [rad], or a hand so far off [m], have passed, in words;
     empty for none.
     """
     margin = settings.limits.joint_margin
@@ -542,7 +542,7 @@ def limit_broken(
 
 
 def refuse_jump(way: np.ndarray, gap: float, description: ArmDescription) -> None:
-    """ValueError for a way (7,) [rad] that no arm has gone within a gap [s]."""
+    """ValueError for a way (n,) [rad] that no arm has gone within a gap [s]."""
     ways = [abs(one) for one in way.tolist()]
     if (most := max(ways)) > JUMP + JUMP_SPEED * gap:
         name = description.joints[ways.index(most)].name

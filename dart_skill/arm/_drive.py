@@ -76,9 +76,9 @@ class Drive:
     lengths
         Metres that a metre, or a radian, of each direction counts for (6,).
     coulomb, viscous
-        Joint friction that is compensated (7,) [N m], [N m s/rad].
+        Joint friction that is compensated (n,) [N m], [N m s/rad].
     weak
-        Torque (7,) [N m] that tells in which direction the friction of a joint at rest acts.
+        Torque (n,) [N m] that tells in which direction the friction of a joint at rest acts.
     slow
         Speed that tells it [rad/s].
     null_stiffness, null_damping
@@ -154,11 +154,11 @@ class Drive:
     def act(
         self, terms: ArmTerms, acceleration: np.ndarray, posture: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Wrench (6,) and joint torque (7,) that accelerate the hand of the arm in its state.
+        """Wrench (6,) and joint torque (n,) that accelerate the hand of the arm in its state.
 
         Parameters
         ----------
-        posture : (7,)
+        posture : (n,)
             In the null space.
         """
         self._shape(terms, acceleration, posture)
@@ -167,7 +167,7 @@ class Drive:
     def moved(
         self, terms: ArmTerms, acceleration: np.ndarray, posture: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The same with the friction of joints that move, and the joint acceleration (7,) that an
+        """The same with the friction of joints that move, and the joint acceleration (n,) that an
         arm without friction then has.
         """
         self._shape(terms, acceleration, posture)
@@ -176,7 +176,7 @@ class Drive:
         return np.array(self._wanted), self._torque(terms, 0.0), accelerated
 
     def _torque(self, terms: ArmTerms, driven: float) -> np.ndarray:
-        """Torque (7,) beside the wrench; friction of joints at rest as they are driven (1), or as
+        """Torque (n,) beside the wrench; friction of joints at rest as they are driven (1), or as
         of joints that move (0).
         """
         result = np.empty(self._free.shape[0])
@@ -187,8 +187,8 @@ class Drive:
         return result
 
     def friction(self, qd: np.ndarray, drive: np.ndarray) -> np.ndarray:
-        """Friction (7,) [N m] that is compensated at speeds qd (7,) [rad/s] of joints that torques
-        drive (7,) [N m].
+        """Friction (n,) [N m] that is compensated at speeds qd (n,) [rad/s] of joints that torques
+        drive (n,) [N m].
         """
         result = np.empty(self._free.shape[0])
         torque = result
@@ -282,9 +282,9 @@ class JointSpring:
     Parameters
     ----------
     stiffness, damping
-        (7,) [N m/rad], [N m s/rad].
+        (n,) [N m/rad], [N m s/rad].
     limit
-        Of the torque (7,) [N m].
+        Of the torque (n,) [N m].
     """
 
     def __init__(self, stiffness: np.ndarray, damping: np.ndarray, limit: np.ndarray):
@@ -293,7 +293,7 @@ class JointSpring:
     def torque(
         self, q: np.ndarray, qd: np.ndarray, q_wanted: np.ndarray, qd_wanted: np.ndarray
     ) -> np.ndarray:
-        """Torque (7,) [N m] from angles and speeds towards others, (7,) each."""
+        """Torque (n,) [N m] from angles and speeds towards others, (n,) each."""
         result = np.empty(self._limit.shape[0])
         torque = result
         for j in range(self._limit.shape[0]):
@@ -301,7 +301,7 @@ class JointSpring:
         return result
 
     def damp(self, qd: np.ndarray) -> np.ndarray:
-        """Torque (7,) [N m] against speeds (7,), of twice the damping, within twice the limits."""
+        """Torque (n,) [N m] against speeds (n,), of twice the damping, within twice the limits."""
         result = np.empty(self._limit.shape[0])
         torque = result
         for j in range(self._limit.shape[0]):
@@ -320,17 +320,17 @@ class JointSpring:
         time: float,
         shortest: float,
     ) -> np.ndarray:
-        """Torque (7,) [N m], within twice the limits, of a motion that dies away exponentially,
+        """Torque (n,) [N m], within twice the limits, of a motion that dies away exponentially,
         and of the pull to it.
 
         Parameters
         ----------
         q, qd
-            Angles and speeds (7,).
+            Angles and speeds (n,).
         start, speed
-            Those at the beginning (7,).
+            Those at the beginning (n,).
         needed
-            Torque (7,) that would take away the speed in 1 s [N m].
+            Torque (n,) that would take away the speed in 1 s [N m].
         time
             Since the beginning [s].
         shortest
@@ -357,7 +357,7 @@ class JointSpring:
 def coasted(
     q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, step: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Angles and speeds (7,) a step [s] later, at constant acceleration."""
+    """Angles and speeds (n,) a step [s] later, at constant acceleration."""
     angles, speeds = np.empty(q.shape[0]), np.empty(q.shape[0])
     later, faster = angles, speeds
     for j in range(q.shape[0]):

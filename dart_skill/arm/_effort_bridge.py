@@ -49,13 +49,13 @@ class BridgeSettings:
         Whether the torque that holds arm and hand is added; False: the effort controller's
         hardware adds it.
     torque_limit
-        Of each joint, gravity included (7,) [N m].
+        Of each joint, gravity included (n,) [N m].
     torque_rate
-        Fastest change of each (7,) [N m/s].
+        Fastest change of each (n,) [N m/s].
     damping
-        Of a joint that is stopped (7,) [N m s/rad].
+        Of a joint that is stopped (n,) [N m s/rad].
     damping_limit
-        Strongest damping torque (7,) [N m].
+        Strongest damping torque (n,) [N m].
     command_timeout, state_timeout
         The arm is stopped when commands, or states, were silent for longer [s].
     limits
@@ -153,7 +153,7 @@ class EffortBridge:
         return None if command.grip in (said, Grip.UNSPECIFIED) else command.grip is Grip.OPEN
 
     def on_state(self, state: ArmState, now: float) -> np.ndarray:
-        """The efforts (7,) [N m] for a state and the command that was there before it; those of
+        """The efforts (n,) [N m] for a state and the command that was there before it; those of
         its own command: `efforts`.
         """
         if state.position.shape != (joint_count(),) or not (
@@ -176,7 +176,7 @@ class EffortBridge:
         return self._limited(self._wanted(state))
 
     def efforts(self) -> np.ndarray:
-        """The efforts (7,) [N m] for the newest state and the newest command; zero before there is
+        """The efforts (n,) [N m] for the newest state and the newest command; zero before there is
         a state.
         """
         return (
@@ -186,7 +186,7 @@ class EffortBridge:
         )
 
     def tick(self, now: float) -> np.ndarray | None:
-        """Look at the clock: efforts (7,) [N m] when the states are silent, so that none answers
+        """Look at the clock: efforts (n,) [N m] when the states are silent, so that none answers
         them; None when they come.
         """
         if self._state is None:

@@ -72,7 +72,7 @@ class Guidance(NamedTuple):
     fault
         Why the motion cannot go on; empty if it can.
     posture
-        Joint angles (7,) that the arm's free motion aims at [rad]; None: those of the start.
+        Joint angles (n,) that the arm's free motion aims at [rad]; None: those of the start.
     touches
         Whether something holds the hand back, which presses against it no harder and is softer.
     """
@@ -97,7 +97,7 @@ class Guide(Protocol):
     what
         The motion in a word.
     start_posture
-        Joint angles before it (7,) [rad].
+        Joint angles before it (n,) [rad].
     speed
         Level of speed that it needs.
     """
@@ -470,7 +470,7 @@ class References:
         )
 
     def posture_at(self, time: float) -> np.ndarray | None:
-        """What the arm's free motion aims at then (7,) [rad]; None where the plan does not say.
+        """What the arm's free motion aims at then (n,) [rad]; None where the plan does not say.
 
         Parameters
         ----------

@@ -52,7 +52,7 @@ class HandPull:
         Parameters
         ----------
         posture
-            Of the joints before it (7,) [rad].
+            Of the joints before it (n,) [rad].
         """
         self._posture = posture
         self._expected: tuple[np.ndarray, np.ndarray, np.ndarray, float] | None = None
@@ -61,7 +61,7 @@ class HandPull:
     def at(
         self, state: ArmState, now: Guidance, time: float, careful: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Wrench (6,) and torque (7,) in a state.
+        """Wrench (6,) and torque (n,) in a state.
 
         Parameters
         ----------
@@ -90,7 +90,7 @@ class HandPull:
         Parameters
         ----------
         position
-            Of the joints (7,) [rad].
+            Of the joints (n,) [rad].
         gains
             Of the law (7.19).
         carries
@@ -112,7 +112,7 @@ class HandPull:
         return Yielding(np.linalg.solve(stiffness, mobility), lead)
 
     def _aim(self, position: np.ndarray, now: Guidance) -> np.ndarray:
-        """What the free motion of the arm aims at (7,): the posture of the start, or of the plan,
+        """What the free motion of the arm aims at (n,): the posture of the start, or of the plan,
         but for the joints that swing.
         """
         posture = self._posture if now.posture is None else now.posture
@@ -121,7 +121,7 @@ class HandPull:
     def _follow(
         self, state: ArmState, now: Guidance, time: float, careful: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Wrench (6,) and torque (7,) of the motion that (7.19) makes of the plan on the model of
+        """Wrench (6,) and torque (n,) of the motion that (7.19) makes of the plan on the model of
         the arm, and a pull of the joints to it.
 
         The law acts on the model, where nothing is late or noisy; of the arm's own sensors only

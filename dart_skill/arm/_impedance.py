@@ -115,9 +115,9 @@ class Impedance:
         )  # fmt: skip
 
     def friction_torque(self, qd: np.ndarray, drive: np.ndarray | None = None) -> np.ndarray:
-        """The share of joint friction that is compensated (7,) [N m]; smooth through zero speed.
+        """The share of joint friction that is compensated (n,) [N m]; smooth through zero speed.
 
-        Where a joint stands still, the torque (7,) [N m] that drives it stands in for its speed:
+        Where a joint stands still, the torque (n,) [N m] that drives it stands in for its speed:
         friction holds up just that. Without, the rolls of upper arm and forearm stick or slip with
         the distance of the basket, and the ball goes up to 2 cm to one side or the other.
         """
@@ -172,21 +172,21 @@ class Impedance:
     def act(
         self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Wrench (6,) and additional joint torque (7,) that accelerate the hand by `acceleration`
-        (6,), posture (7,) in the null space.
+        """Wrench (6,) and additional joint torque (n,) that accelerate the hand by `acceleration`
+        (6,), posture (n,) in the null space.
         """
         return self._drive.act(self.model.at(q, qd), acceleration, posture)
 
     def moved(
         self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Wrench and torque for a state of the model itself, and the joint acceleration (7,) that it then
+        """Wrench and torque for a state of the model itself, and the joint acceleration (n,) that it then
         has. Friction is that of joints that move: a joint that shall rest is held by its own.
 
         Parameters
         ----------
         posture
-            That the arm's free motion aims at (7,) [rad].
+            That the arm's free motion aims at (n,) [rad].
         """
         return self._drive.moved(self.model.at(q, qd), acceleration, posture)
 
@@ -245,7 +245,7 @@ class JointServo:
         qd_wanted: np.ndarray,
         qdd_wanted: np.ndarray,
     ) -> np.ndarray:
-        """Joint torque (7,) [N m] towards a wanted joint motion, gravity excluded."""
+        """Joint torque (n,) [N m] towards a wanted joint motion, gravity excluded."""
         torque = self._holding.torque(q, qd, q_wanted, qd_wanted)
         if any(qd_wanted.tolist()):
             torque += self._impedance.friction_torque(qd_wanted)
@@ -254,19 +254,19 @@ class JointServo:
         return torque
 
     def hold(self, q: np.ndarray, qd: np.ndarray, posture: np.ndarray) -> np.ndarray:
-        """Joint torque (7,) [N m] towards a posture at rest, gravity excluded."""
+        """Joint torque (n,) [N m] towards a posture at rest, gravity excluded."""
         return self._holding.torque(q, qd, posture, np.zeros(len(q)))
 
     def follow(
         self, q: np.ndarray, qd: np.ndarray, q_expected: np.ndarray, qd_expected: np.ndarray
     ) -> np.ndarray:
-        """Joint torque (7,) [N m] towards an expected motion whose torques are fed forward."""
+        """Joint torque (n,) [N m] towards an expected motion whose torques are fed forward."""
         return self._following.torque(q, qd, q_expected, qd_expected)
 
     def take_out(
         self, torque: np.ndarray, q: np.ndarray, q_expected: np.ndarray, step: float
     ) -> np.ndarray:
-        """Torque (7,) [N m] a step [s] later that takes out what is left of the distance: what
+        """Torque (n,) [N m] a step [s] later that takes out what is left of the distance: what
         soft joints leave of errors of gravity and friction. Only for careful motions: in the half
         second of a throw it would not help, and it would push against a person.
         """
@@ -275,7 +275,7 @@ class JointServo:
         return np.minimum(np.maximum(more, -most), most)
 
     def damp(self, qd: np.ndarray) -> np.ndarray:
-        """Torque (7,) [N m] that brings an arm to a damped stop; the arm must report its speeds
+        """Torque (n,) [N m] that brings an arm to a damped stop; the arm must report its speeds
         without delay.
         """
         return self._holding.damp(qd)
@@ -283,7 +283,7 @@ class JointServo:
     def brake(
         self, q: np.ndarray, qd: np.ndarray, start: np.ndarray, speed: np.ndarray, time: float
     ) -> np.ndarray:
-        """Torque (7,) [N m] that brings an arm that was at `start` with `speed` (7,) `time` [s]
+        """Torque (n,) [N m] that brings an arm that was at `start` with `speed` (n,) `time` [s]
         ago to rest: speeds die away together.
 
         The torque is fed forward, so that no large gain acts on speeds that are measured late.

@@ -16,9 +16,9 @@ class Levels:
     Parameters
     ----------
     strongest
-        Torque of a joint, gravity compensation included (7,) [N m].
+        Torque of a joint, gravity compensation included (n,) [N m].
     lower, upper
-        Ends of the joints' ranges, as far as they are watched (7,) [rad].
+        Ends of the joints' ranges, as far as they are watched (n,) [rad].
     low, high
         Corners of the box in which the hand stays (3,) [m].
     """
@@ -54,7 +54,7 @@ class Levels:
         terms
             Of the state.
         torque
-            That is asked for (7,) [N m].
+            That is asked for (n,) [N m].
         fastest_elbow, fastest_hand
             Levels of the speeds [m/s].
         share
@@ -93,7 +93,7 @@ class Levels:
         wrench
             Of the hand (6,) [N], [N m].
         torque
-            Of the joints, is added (7,) [N m].
+            Of the joints, is added (n,) [N m].
 
         Raises
         ------
@@ -103,7 +103,7 @@ class Levels:
         if wrench.shape[0] != 6 or torque.shape[0] != self._strongest.shape[0]:
             raise ValueError(
                 f"the wrench has shape {np.shape(wrench)} and the torque {np.shape(torque)}, not"
-                " (6,) and (7,)"
+                f" (6,) and {self._strongest.shape}"
             )
         least = 1.0
         terms.find_gravity()

@@ -47,7 +47,7 @@ class HandState:
 class ArmModel:
     """Kinematics and dynamics of the arm with its hand, loaded with the ball or not.
 
-    All methods take joint angles (7,) [rad] and velocities (7,) [rad/s].
+    All methods take joint angles (n,) [rad] and velocities (n,) [rad/s].
     """
 
     def __init__(self, description: ArmDescription | None = None, ball_in_hand: bool = False):
@@ -83,7 +83,7 @@ class ArmModel:
         self, q: np.ndarray, qd: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position (k, 3), rotation (k, 3, 3) and velocity (k, 6) of the hand at angles q and
-        speeds qd (k, 7), as of `hand_state`.
+        speeds qd (k, n), as of `hand_state`.
         """
         position, rotation, velocity = (
             np.empty((len(q), 3)),
@@ -95,7 +95,7 @@ class ArmModel:
         return position, rotation, velocity
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """Linear over angular velocity of the hand frame in world axes (6, 7)."""
+        """Linear over angular velocity of the hand frame in world axes (6, n)."""
         return pin.computeFrameJacobian(
             self._model, self._data, q, self._hand, pin.LOCAL_WORLD_ALIGNED
         )
@@ -108,7 +108,7 @@ class ArmModel:
         ).vector
 
     def elbow(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Position (3,) of the elbow in the world and its linear Jacobian (3, 7)."""
+        """Position (3,) of the elbow in the world and its linear Jacobian (3, n)."""
         terms = self.at(q)
         return terms.elbow(), terms.elbow_jacobian()
 
@@ -118,7 +118,7 @@ class ArmModel:
         return [float(at) for at in terms.position], terms.hand_speed, terms.elbow_speed
 
     def mass_matrix(self, q: np.ndarray, rotors: bool = True) -> np.ndarray:
-        """Joint-space inertia (7, 7) [kg m^2], with the rotors' reflected inertia unless told
+        """Joint-space inertia (n, n) [kg m^2], with the rotors' reflected inertia unless told
         otherwise.
         """
         upper = pin.crba(self._model, self._data, q)
@@ -127,11 +127,11 @@ class ArmModel:
         return inertia + self._reflected if rotors else inertia
 
     def gravity_torque(self, q: np.ndarray) -> np.ndarray:
-        """Torque that holds the arm against gravity (7,) [N m]."""
+        """Torque that holds the arm against gravity (n,) [N m]."""
         return pin.computeGeneralizedGravity(self._model, self._data, q).copy()
 
     def coriolis_torque(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-        """Coriolis and centrifugal torque (7,) [N m]."""
+        """Coriolis and centrifugal torque (n,) [N m]."""
         still = np.zeros(len(q))
         return pin.rnea(self._model, self._data, q, qd, still) - self.gravity_torque(q)
 

@@ -218,7 +218,7 @@ class MotionPlan:
     position_gains, orientation_gains
         Stiffness and damping of the pull, per unit mass.
     start_posture
-        Joint angles before the motion (7,) [rad].
+        Joint angles before the motion (joints,) [rad].
     end
         Until then the hand must be where it is expected [s]. What the path has beyond is followed
         for a while, then the arm is braked.
@@ -236,7 +236,7 @@ class MotionPlan:
         Of the cameras, in whose world all this is, and the arm, which shall do it; default: the
         two agree.
     posture
-        Joint angles (n, 7) [rad] that the arm's free motion aims at; J2, J4 and J6 are left to the
+        Joint angles (n, joints) [rad] that the arm's free motion aims at; J2, J4 and J6 are left to the
         hand. None: those of the start.
     throw
         What shall be thrown where; None where nothing is. A throw opens the hand in its first

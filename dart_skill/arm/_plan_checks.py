@@ -195,7 +195,7 @@ def stretched(plan: MotionPlan, description: ArmDescription) -> str:
 
 
 def check_range(what: str, posture: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
-    """PlanRefused unless joint angles (7,) are between two others, with the joint that is not."""
+    """PlanRefused unless joint angles (n,) are between two others, with the joint that is not."""
     outside = (posture < lower) | (posture > upper)
     if outside.any():
         j = int(np.argmax(outside))

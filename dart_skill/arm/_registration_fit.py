@@ -92,7 +92,7 @@ class Sightings:
         position: np.ndarray,
         quaternion: np.ndarray,
     ) -> Sightings:
-        """Sightings from joint angles and speeds (k, 7) [rad], [rad/s] and the poses (k, 3) [m],
+        """Sightings from joint angles and speeds (k, n) [rad], [rad/s] and the poses (k, 3) [m],
         (k, 4) that the cameras saw then.
 
         Parameters

@@ -145,8 +145,8 @@ class SafetyModule:
     def look(
         self, position: np.ndarray, velocity: np.ndarray, torque: np.ndarray, speed: Speed
     ) -> str:
-        """The fault after a state of the arm: angles (7,) [rad], speeds (7,) [rad/s], torque that
-        is asked for (7,) [N m], speed level.
+        """The fault after a state of the arm: angles (n,) [rad], speeds (n,) [rad/s], torque that
+        is asked for (n,) [N m], speed level.
         """
         return self.look_at(self._model.at(position, velocity), torque, speed)
 

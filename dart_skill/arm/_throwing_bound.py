@@ -148,7 +148,9 @@ def throwing_bound(
     return max(_throws(arm, rim, angle, seed), key=lambda bound: bound.distance)
 
 
-def guided_bound(arm: UrdfArm, rim: float, side: float, angle: float = 0.25 * np.pi) -> ThrowingBound:
+def guided_bound(
+    arm: UrdfArm, rim: float, side: float, angle: float = 0.25 * np.pi
+) -> ThrowingBound:
     """The throw that a person guides an arm through: `GUIDED_SPEED` of what its joints can do, from
     rest to rest, the hand clear of the base, and the slowest swing that gets nearly as far as the
     farthest.

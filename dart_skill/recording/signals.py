@@ -23,6 +23,10 @@ GUIDED_NS = 500_000_000
 """Longest time from a push to the opening of the hand of an arm that is guided [ns]."""
 HELD_NS = 200_000_000
 """Longest time between commands to open the hand that are one [ns]."""
+MOST_JOINTS = 64
+"""Number of joints that an arm may have in a recorded command: no torque of another layout reads
+like such a count.
+"""
 
 
 @dataclass(frozen=True)
@@ -100,9 +104,21 @@ def read_command(data: bytes) -> tuple[int, bool, int]:
         order = "<" if data[1] & 1 else ">"
         sec, nanosec, length = struct.unpack_from(order + "iII", data, 4)
         start = 4 + (12 + length + 7) // 8 * 8
-        return sec * NS_PER_S + nanosec, any(data[start : start + 48]), data[start + 104]
+        grip = start + 48 + _torque_bytes(data, start + 48, order)
+        return sec * NS_PER_S + nanosec, any(data[start : start + 48]), data[grip]
     except (struct.error, IndexError):
         raise ValueError(f"{len(data)} bytes are no WamCommand") from None
+
+
+def _torque_bytes(data: bytes, at: int, order: str) -> int:
+    """Length in bytes of the joint torques of a serialised WamCommand, which begin at a place; they
+    were seven without a count in older recordings.
+    """
+    count, nothing = struct.unpack_from(order + "II", data, at)
+    if 0 < count <= MOST_JOINTS and not nothing:
+        return 8 + 8 * count
+    # a torque of 0 begins like a count of 0, behind which there is not so much
+    return 56 if len(data) >= at + 56 + 8 else 4
 
 
 def read_commands(payloads: Sequence[bytes]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

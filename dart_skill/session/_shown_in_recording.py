@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dart_skill.common.arm_choice import joint_count
 from dart_skill.common.constants import NS_PER_S
 from dart_skill.common.world import THROW, the_world
 from dart_skill.recording import (
@@ -223,6 +224,7 @@ def _commands(path: str | os.PathLike) -> tuple[CommandStream, ...]:
     of the world.
     """
     found: dict[str, list[tuple[int, list[float]]]] = {}
+    nothing = [0.0] * joint_count()
     with GraphBag(path) as bag:
         topics = [
             name
@@ -249,7 +251,7 @@ def _commands(path: str | os.PathLike) -> tuple[CommandStream, ...]:
                 torque.x,
                 torque.y,
                 torque.z,
-                *item.data.joint_torque,
+                *(item.data.joint_torque if len(item.data.joint_torque) else nothing),
             ]
             found.setdefault(item.topic, []).append((stamp_ns(header.stamp), row))
     streams = []

@@ -49,7 +49,7 @@ class ArmGeometry:
     def capsules(
         self, position: np.ndarray, base_turn: float = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """End points (c, 2, 3) and radii (c,) [m] at angles (7,) [rad]; the base may stand turned
+        """End points (c, 2, 3) and radii (c,) [m] at angles (n,) [rad]; the base may stand turned
         about the vertical [rad].
 
         Raises
@@ -65,7 +65,7 @@ class ArmGeometry:
         return self._ends(), self._radii
 
     def in_joints(self, position: np.ndarray, wrench: np.ndarray) -> np.ndarray | None:
-        """A wrench at the hand as torques of the joints, J' wrench (7,) [N m]; None for none,
+        """A wrench at the hand as torques of the joints, J' wrench (n,) [N m]; None for none,
         which spares the kinematics.
 
         About the axis z of a joint at p, force f and moment m at the hand turn with z . (m + (hand
@@ -74,7 +74,7 @@ class ArmGeometry:
         Parameters
         ----------
         position
-            Angles (7,) [rad].
+            Angles (n,) [rad].
         wrench
             (6,), force [N] over moment [N m], world axes.
         """

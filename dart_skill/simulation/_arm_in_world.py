@@ -212,7 +212,7 @@ class ArmInWorld:
 
     @property
     def joint_effort(self) -> np.ndarray:
-        """Torque that reached the joints in the last step (7,) [N m]."""
+        """Torque that reached the joints in the last step (n,) [N m]."""
         return self._joints.effort
 
     @property

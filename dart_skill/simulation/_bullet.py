@@ -103,16 +103,16 @@ class ArmDynamics:
         self._still = [0.0] * description.n_joints
 
     def gravity_torque(self, position: np.ndarray) -> np.ndarray:
-        """Torque that holds the arm (7,) [N m] at angles (7,) [rad]."""
+        """Torque that holds the arm (n,) [N m] at angles (n,) [rad]."""
         return self._torque(position.tolist(), self._still)
 
     def terms(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mass matrix (7, 7) [kg m^2], and the torque at zero acceleration (7,) [N m].
+        """Mass matrix (n, n) [kg m^2], and the torque at zero acceleration (n,) [N m].
 
         Parameters
         ----------
         position, velocity
-            Of the joints (7,) [rad], [rad/s].
+            Of the joints (n,) [rad], [rad/s].
         """
         angles = position.tolist()
         return (

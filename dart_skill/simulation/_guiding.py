@@ -147,7 +147,7 @@ class Guiding:
 
     def _steady_elbow(self, state: ArmState, hand: np.ndarray) -> np.ndarray:
         """The other hand keeps the elbow over the line from the base to the hand (3,): joint
-        torques (7,).
+        torques (n,).
         """
         k, d = self.person.firm_elbow
         elbow, jacobian = self._model.elbow(state.position)

@@ -23,8 +23,8 @@ from dart_skill.simulation._transmission import Encoders, Transmission
 class Joints:
     """Driven by `drive`, read by `read`, in the world of `begin`.
 
-    Attributes: position, velocity (7,) [rad], [rad/s]; those with `seen` are what the encoders
-    report; effort, torque that reached the joints in the last step (7,) [N m].
+    Attributes: position, velocity (n,) [rad], [rad/s]; those with `seen` are what the encoders
+    report; effort, torque that reached the joints in the last step (n,) [N m].
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Joints:
     nominal
         The arm as its gravity compensation knows it.
     reflected
-        Inertia of the rotors as the joints feel it (7, 7) [kg m^2].
+        Inertia of the rotors as the joints feel it (n, n) [kg m^2].
     actuation
         Of its motors.
     encoders
@@ -70,7 +70,7 @@ class Joints:
         arm
             Body in the world.
         start
-            Angles (7,) [rad].
+            Angles (n,) [rad].
         carried
             The arm with what its cables carry.
         """
@@ -139,11 +139,11 @@ class Joints:
         )
 
     def _from_outside(self, push: Command) -> np.ndarray:
-        """What a person does to the joints (7,) [N m]."""
+        """What a person does to the joints (n,) [N m]."""
         wrench = np.asarray(push.wrench, dtype=float)
         pull = self._nominal.geometry.in_joints(self.position, wrench)
         return push.joint_torque if pull is None else push.joint_torque + pull
 
     def braking(self) -> np.ndarray:
-        """Torque of motors that are shorted (7,) [N m]."""
+        """Torque of motors that are shorted (n,) [N m]."""
         return self._actuation.braking(self.velocity)

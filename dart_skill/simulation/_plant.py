@@ -44,7 +44,7 @@ class PlantState:
     episode, step
         Of the world, from 0 on.
     position, velocity, effort
-        Of the joints, (7,) each [rad], [rad/s], [N m].
+        Of the joints, (n,) each [rad], [rad/s], [N m].
     hand_position, hand_quaternion
         (3,) [m] and (4,).
     ball_position, ball_quaternion, ball_velocity

@@ -174,7 +174,7 @@ class PlantSettings:
     reset_ns
         How far a reset moves the clock on, so that everybody notices the gap [ns].
     start_posture
-        Joint angles after a reset (7,) [rad].
+        Joint angles after a reset (n,) [rad].
     gravity_error
         Share of the gravity torque that compensation misses; calibrated arms show 5 %
         (docs/sources.md).
@@ -191,14 +191,14 @@ class PlantSettings:
     ball_mass_scale, ball_drag_scale
         Factors on the mass and on the drag of the ball.
     mass_scale
-        Factors on the masses of the links (7,).
+        Factors on the masses of the links (n,).
     stiction
         What static friction is more than Coulomb friction, as a share of it.
     joint_stiffness
-        Of the cables between motors and links (7,) [N m/rad]; all 0: rigid. Encoders sit on the
+        Of the cables between motors and links (n,) [N m/rad]; all 0: rigid. Encoders sit on the
         motors.
     joint_offset
-        What the encoders read too high (7,) [rad].
+        What the encoders read too high (n,) [rad].
     encoder_step
         Of an angle [rad]; 0: none.
     speed_filter

@@ -44,7 +44,7 @@ class Stillness:
         joint_velocity: np.ndarray,
         bodies: Mapping[str, tuple[np.ndarray, np.ndarray]],
     ) -> None:
-        """Joint velocities (7,) [rad/s], and by name the position (3,) [m] and quaternion of each
+        """Joint velocities (n,) [rad/s], and by name the position (3,) [m] and quaternion of each
         body.
 
         Parameters

@@ -154,7 +154,7 @@ class _Motion:
 
     @cached_property
     def angles(self) -> Any:
-        """Angles (7,) from the cocked posture through the release to rest, as quintics without
+        """Angles (n,) from the cocked posture through the release to rest, as quintics without
         acceleration at the ends of both, a function of the time since the start [s].
         """
         from scipy.interpolate import BPoly  # only a throw that is shown needs it
@@ -167,7 +167,7 @@ class _Motion:
 
     @cached_property
     def speeds(self) -> Any:
-        """Interpolation of their rates (7,) [rad/s]."""
+        """Interpolation of their rates (n,) [rad/s]."""
         return self.angles.derivative()
 
 
@@ -445,7 +445,7 @@ class Teacher:
 
     def _push_elbow(self, state: ArmState, wanted: np.ndarray, azimuth: float) -> np.ndarray:
         """The other hand keeps the elbow in the plane of the throw: force at the elbow as joint
-        torque (7,).
+        torque (n,).
         """
         k, d = self.person.firm_elbow
         actual, jacobian = self._model.elbow(state.position)

@@ -29,14 +29,14 @@ class Transmission:
     q) + D (w - v). All in joint coordinates, R the rotors' inertia as the joints feel it. Each
     part of a step is an implicit Euler step for both inertias at once.
 
-    Attributes: position, velocity, of the motors (7,) [rad], [rad/s].
+    Attributes: position, velocity, of the motors (n,) [rad], [rad/s].
 
     Parameters
     ----------
     stiffness
-        (7,) [N m/rad], all positive.
+        (n,) [N m/rad], all positive.
     reflected
-        (7, 7) [kg m^2].
+        (n, n) [kg m^2].
     actuation
         Whose friction acts on the motors.
     """
@@ -57,7 +57,7 @@ class Transmission:
         self._system, self._momentum = np.zeros((2 * n, 2 * n)), np.zeros(2 * n)
 
     def rest(self, q: np.ndarray, load: np.ndarray) -> None:
-        """Motors at rest that carry a load (7,) [N m] on links at q (7,) [rad]."""
+        """Motors at rest that carry a load (n,) [N m] on links at q (n,) [rad]."""
         self.position, self.velocity = q + load / np.asarray(self._stiffness), np.zeros(len(q))
 
     def advance(
@@ -69,7 +69,7 @@ class Transmission:
         outside: np.ndarray,
         step: float,
     ) -> np.ndarray:
-        """Mean acceleration (7,) of the links over a step [s] in which motors give `effort` and
+        """Mean acceleration (n,) of the links over a step [s] in which motors give `effort` and
         the world `outside`, net of the bias.
         """
         position, mean = np.array(self.position), np.empty(self._link.shape[0])
@@ -133,7 +133,7 @@ class Encoders:
     Parameters
     ----------
     offset
-        (7,) [rad], what the angles read too high.
+        (n,) [rad], what the angles read too high.
     resolution
         Step of an angle [rad]; 0: none.
     speed_filter
@@ -160,7 +160,7 @@ class Encoders:
             self._speed[j] = 0.0
 
     def read(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Angles and speeds (7,) as reported, once a step."""
+        """Angles and speeds (n,) as reported, once a step."""
         if self._exact:
             return position, velocity
         seen = np.empty(self._last.shape[0])

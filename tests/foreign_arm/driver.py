@@ -119,7 +119,7 @@ class Driver(Node):
         self._pose_publishers[sighting.body].publish(message)
 
     def _publish_button(self, grip):
-        message = WamCommand(grip=grip)
+        message = WamCommand(joint_torque=[0.0] * 7, grip=grip)
         message.header.stamp, message.header.frame_id = self.stamp(self.plant.steps), FRAME
         self._button_publisher.publish(message)
 

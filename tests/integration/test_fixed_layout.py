@@ -45,7 +45,7 @@ def test_joint_states_of_any_shape_and_names(sizes, names, frame_id, ns, data):
 
 @pytest.mark.parametrize("grip", (0, 1, 2))
 def test_commands(grip):
-    example = WamCommand(grip=grip, speed=1, sender=2**32 - 1)
+    example = WamCommand(joint_torque=[0.0] * 7, grip=grip, speed=1, sender=2**32 - 1)
     example.header.frame_id = "arm"
     values = np.random.default_rng(0).standard_normal(13)
     message = deserialize_message(FixedLayout(example).pack(5, values), WamCommand)
@@ -94,8 +94,19 @@ def test_what_lies_between_the_fields_does_not_count():
     assert not layout.fits(bytes(written)), "it is in another frame"
 
 
+def truth_of(*bodies):
+    nothing = [0.0] * 7
+    return SimulationState(
+        joint_position=nothing,
+        joint_velocity=nothing,
+        joint_effort=nothing,
+        held="ball",
+        bodies=[BodyState(name=name) for name in bodies],
+    )
+
+
 def test_all_that_stands_in_nested_messages():
-    example = SimulationState(held="ball", bodies=[BodyState(name="hand"), BodyState(name="ball")])
+    example = truth_of("hand", "ball")
     layout = FixedLayout(example)
     message = deserialize_message(layout.pack(0, np.arange(float(layout.count))), SimulationState)
     assert list(message.joint_velocity) == list(np.arange(7.0, 14.0))
@@ -131,7 +142,7 @@ def test_a_stamp_alone():
 
 
 def test_counters_are_no_part_of_a_layout():
-    example = SimulationState(bodies=[BodyState(name="hand")])
+    example = truth_of("hand")
     layout, reader = (
         FixedLayout(example, EPISODE_AND_STEP),
         LayoutReader(SimulationState, EPISODE_AND_STEP),

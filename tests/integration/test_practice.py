@@ -50,10 +50,8 @@ class Liar:
             "world",
             conversions.time_msg(int(self._rng.integers(10**11))),
         )
-        message.joint_position, message.joint_velocity = (
-            self._rng.standard_normal(7),
-            self._rng.standard_normal(7),
-        )
+        for what in ("joint_position", "joint_velocity", "joint_effort"):
+            setattr(message, what, self._rng.standard_normal(7))
         message.bodies = [
             conversions.body_state(role, self._rng.standard_normal(3)) for role in ROLES
         ]

@@ -227,7 +227,7 @@ class PostureCounter:
         return len(self._found)
 
     def add(self, time: float, position: np.ndarray) -> bool:
-        """Take the joints (7,) [rad] at an instant [s].
+        """Take the joints (n,) [rad] at an instant [s].
 
         Returns
         -------

@@ -296,7 +296,7 @@ class ThrowingSkill(ThrowModel):
             attractor_quaternion=course.attractor_quaternion,
             position_gains=gains,
             orientation_gains=Gains.critical(c.orientation_stiffness or c.stiffness),
-            start_posture=self._posture + np.array([np.arctan2(aim[1], aim[0]), 0, 0, 0, 0, 0, 0]),
+            start_posture=_turned(self._posture, np.arctan2(aim[1], aim[0])),
             end=release,
             what="throw",
             events=(GripEvent(told, Grip.OPEN, release),),
@@ -307,6 +307,11 @@ class ThrowingSkill(ThrowModel):
             throw=ExpectedThrow(target, aim, throw.landing),
             model_id=self.model_id,
         )
+
+
+def _turned(posture: np.ndarray, azimuth: float) -> np.ndarray:
+    """Joint angles (n,) of an arm that is turned about its base [rad]."""
+    return np.concatenate([posture[:1] + azimuth, posture[1:]])
 
 
 def learn_throwing(

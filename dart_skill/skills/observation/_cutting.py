@@ -249,6 +249,7 @@ class ThrowLog(SensorLog):
             raise ValueError(
                 f"{told}, and {len(self.joints.stamps)} around it: have all sensors one clock?"
             )
+        joint_position, joint_velocity = np.hsplit(joints, 2)
         return Demonstration(
             id=name,
             tracks={
@@ -259,8 +260,8 @@ class ThrowLog(SensorLog):
             skill=self.skill,
             situation=Situation({self._aimed_at: Pose(self._basket_position(origin, stop))}),
             joint_time=joint_time,
-            joint_position=joints[:, :7],
-            joint_velocity=joints[:, 7:],
+            joint_position=joint_position,
+            joint_velocity=joint_velocity,
             motion_start=to_the_nanosecond(segment.motion_start - segment.start),
             motion_stop=to_the_nanosecond(segment.motion_stop - segment.start),
             events=()

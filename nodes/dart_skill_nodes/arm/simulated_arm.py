@@ -117,8 +117,14 @@ class StatePublisher:
         )
 
     def _truth_layout(self, bodies: tuple[str, ...], held: str, success: bool) -> FixedLayout:
+        joints = [0.0] * len(self._plant.state.position)
         message = SimulationState(
-            bodies=[BodyState(name=name) for name in bodies], held=held, success=success
+            joint_position=joints,
+            joint_velocity=joints,
+            joint_effort=joints,
+            bodies=[BodyState(name=name) for name in bodies],
+            held=held,
+            success=success,
         )
         message.header.frame_id = self._p["frame_id"]
         return FixedLayout(message, conversions.EPISODE_AND_STEP)

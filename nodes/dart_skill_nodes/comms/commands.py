@@ -14,6 +14,7 @@ from dart_skill_msgs.msg import WamCommand
 from rclpy.node import Node
 
 from dart_skill.arm import Command
+from dart_skill.common.arm_choice import joint_count
 from dart_skill_nodes.comms.fixed_layout import FixedLayout
 from dart_skill_nodes.comms.presence import UNKNOWN, Presence, publishers
 
@@ -39,7 +40,8 @@ class CommandWriter:
         )
 
     def _example(self, grip: int, speed: int) -> WamCommand:
-        message = WamCommand(sender=self._sender, grip=grip, speed=speed)
+        nothing = [0.0] * joint_count()
+        message = WamCommand(joint_torque=nothing, sender=self._sender, grip=grip, speed=speed)
         message.header.frame_id = self._frame_id
         return message
 

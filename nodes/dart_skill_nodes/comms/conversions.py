@@ -149,6 +149,8 @@ def ground_truth(
     """What a SimulationState says. like: one with the same bodies; ns: its stamp; numbers: all of
     its float64; counters: episode, step.
     """
+    for what in ("joint_position", "joint_velocity", "joint_effort"):
+        _check_joints(len(getattr(like, what)), what)
     rows = numbers[3 * joint_count() : -1].reshape(len(like.bodies), -1)  # pose and twist
     bodies = {body.name: (row[:3], row[3:7]) for body, row in zip(like.bodies, rows, strict=True)}
     return GroundTruth(ns, *counters, numbers[: joint_count()], float(numbers[-1]), bodies)
@@ -293,7 +295,9 @@ def order_of(names: Sequence[str], wanted: Sequence[str], what: str) -> list[int
 
 
 def command(message: WamCommand) -> Command:
-    """The command in a message; ValueError for an unknown grip or speed."""
+    """The command in a message; ValueError for an unknown grip or speed, and torques of other
+    joints.
+    """
     force, torque = message.wrench.force, message.wrench.torque
     numbers = np.array(
         [force.x, force.y, force.z, torque.x, torque.y, torque.z, *message.joint_torque]
@@ -302,10 +306,23 @@ def command(message: WamCommand) -> Command:
 
 
 def command_of_numbers(message: WamCommand, ns: int, numbers: np.ndarray) -> Command:
-    """The command with the grip and speed of a message, a stamp [ns], and numbers (13,): wrench,
-    then joint torque.
+    """The command with the grip and speed of a message, a stamp [ns], and numbers (6 + n,): wrench,
+    then the torque of each joint.
     """
-    return Command(ns, numbers[:6], numbers[6:], Grip(message.grip), Speed(message.speed))
+    grip, speed, count = Grip(message.grip), Speed(message.speed), len(numbers) - 6
+    if not count:
+        return Command(ns, numbers, grip=grip, speed=speed)
+    _check_joints(count, "joint_torque")
+    return Command(ns, numbers[:6], numbers[6:], grip, speed)
+
+
+def _check_joints(count: int, what: str) -> None:
+    """ValueError for a number of joints that is not the arm's."""
+    if count != joint_count():
+        raise ValueError(
+            f"{what} has {count} numbers, and the arm has {joint_count()} joints: does the"
+            " publisher drive another arm?"
+        )
 
 
 def demonstration(message: DemonstrationMsg) -> Demonstration:

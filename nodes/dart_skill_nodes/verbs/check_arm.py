@@ -187,13 +187,13 @@ def _listen(
 
 
 def counts(counter: "PostureCounter", time: float, position: "np.ndarray") -> bool:
-    """Whether joints at an instant [s] make a new posture; what is no posture of seven joints
-    makes none.
-    """
+    """Whether joints at an instant [s] make a new posture; what is no posture of the arm makes none."""
     import numpy as np
 
+    from dart_skill.common.arm_choice import joint_count
+
     return (
-        position.shape == (7,)
+        position.shape == (joint_count(),)
         and bool(np.isfinite(position).all())
         and counter.add(time, position)
     )

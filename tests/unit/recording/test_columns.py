@@ -3,10 +3,12 @@ is said.
 """
 
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.ndimage
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from dart_skill.recording.bags import (
     columns_by_layout,
@@ -125,15 +127,25 @@ def test_the_other_order_of_bytes_is_left_to_rosbags():
 # commands
 
 
-def command(stamp_ns, force=0.0, grip=0, frame="world"):
+def older_types():
+    """The types as they were when a command had seven torques, without a count."""
+    text = (Path(__file__).parents[3] / "msg_schemas/msg/WamCommand.msg").read_text()
+    types = get_typestore(Stores.ROS2_JAZZY)
+    types.register(
+        get_types_from_msg(text.replace("float64[] joint", "float64[7] joint"), COMMAND)
+    )
+    return types
+
+
+def command(stamp_ns, force=0.0, grip=0, frame="world", torque=(1.0,) * 7, types=TYPES):
     content = {
         "header": header_content(stamp_ns, frame),
         # the first number of the wrench, or the last one
         "wrench": {"force": {"x": force}} if grip == 1 else {"torque": {"z": force}},
-        "joint_torque": np.ones(7),
+        "joint_torque": np.array(torque),
         "grip": grip,
     }
-    return serialize(TYPES, COMMAND, content)
+    return serialize(types, COMMAND, content)
 
 
 @pytest.mark.parametrize(
@@ -147,6 +159,15 @@ def test_many_commands_say_what_each_of_them_says(frames):
     told = [(stamp, force != 0.0, grip) for stamp, force, grip, _ in every]
     assert [read_command(one) for one in payloads] == told
     assert list(zip(*map(np.ndarray.tolist, read_commands(payloads)), strict=True)) == told
+
+
+@pytest.mark.parametrize("torque", [(), (0.0,) * 6, (0.0,) * 7, (-1.0,) * 7], ids=str)
+def test_the_grip_stands_behind_the_torques_of_any_arm(torque):
+    payload = command(7, grip=2, frame="another frame", torque=torque)
+    assert read_command(payload) == (7, False, 2)
+    if len(torque) == 7:
+        older = command(7, grip=2, frame="another frame", torque=torque, types=older_types())
+        assert len(older) < len(payload) and read_command(older) == (7, False, 2)
 
 
 def test_of_no_commands_there_is_nothing_and_of_other_bytes_an_error():

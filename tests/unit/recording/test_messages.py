@@ -100,7 +100,9 @@ def test_a_message_from_nothing_is_zero_and_survives_the_way_through_bytes(types
         data = serialize(types, name, None)
         assert serialize(types, name, deserialize(types, name, data)) == data
     state = message(types, "dart_skill_msgs/msg/SimulationState")
-    assert state.joint_position.tolist() == [0.0] * 7 and state.success is False
+    assert state.joint_position.tolist() == [] and state.success is False
+    pose = message(types, "geometry_msgs/msg/PoseWithCovariance")
+    assert pose.covariance.tolist() == [0.0] * 36
 
 
 @pytest.mark.parametrize(
@@ -114,9 +116,9 @@ def test_a_message_from_nothing_is_zero_and_survives_the_way_through_bytes(types
         ("builtin_interfaces/msg/Time", {"nanosec": 0.5}, "Time.nanosec is a uint32"),
         ("geometry_msgs/msg/Point", {"x": "far"}, "Point.x is a float64"),
         (
-            "dart_skill_msgs/msg/WamCommand",
-            {"joint_torque": [0.0] * 6},
-            "joint_torque has 7 elements, got 6",
+            "geometry_msgs/msg/PoseWithCovariance",
+            {"covariance": [0.0] * 6},
+            "covariance has 36 elements, got 6",
         ),
         ("sensor_msgs/msg/JointState", {"position": 1.0}, "position is a sequence"),
     ],
