@@ -87,8 +87,10 @@ from dart_skill.arm._swing_plane import SwingPlane as SwingPlane
 from dart_skill.arm._swing_plane import swing_plane as swing_plane
 from dart_skill.arm._the_arm import the_arm as the_arm
 from dart_skill.arm._the_arm import the_swing as the_swing
+from dart_skill.arm._throwing_bound import GUIDED_SPEED as GUIDED_SPEED
 from dart_skill.arm._throwing_bound import ThrowingBound as ThrowingBound
 from dart_skill.arm._throwing_bound import fastest as fastest
+from dart_skill.arm._throwing_bound import guided_bound as guided_bound
 from dart_skill.arm._throwing_bound import throwing_bound as throwing_bound
 from dart_skill.arm._urdf import Transform as Transform
 from dart_skill.arm._urdf import fixed_transforms as fixed_transforms

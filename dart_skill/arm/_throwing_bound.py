@@ -35,7 +35,7 @@ NARROWS = 0.5
 """Each of these is so much narrower than the one before."""
 INSTANTS = 21
 """Number of instants of a swing at which torques are looked at."""
-WAYPOINTS = 5
+WAYPOINTS = 9
 """Number of instants of swing and follow-through, each, at which the hand must be clear."""
 CLEAR = 0.25
 """Distance that the hand keeps from the axis of the base, below the shoulder, and above it [m]."""
@@ -74,6 +74,8 @@ class ThrowingBound:
         Index of the joint with that torque.
     plane
         In which the arm swings.
+    turn
+        Of the first joint, with which it throws along the x axis [rad].
     """
 
     distance: float
@@ -86,11 +88,18 @@ class ThrowingBound:
     torque_share: float
     tightest: int
     plane: SwingPlane
+    turn: float
 
     @property
     def start(self) -> np.ndarray:
         """Angles at which the swing begins (n,) [rad]."""
         return self.angles - 0.5 * self.swing * self.rates
+
+    @property
+    def turned_start(self) -> np.ndarray:
+        """The same of an arm that throws along the x axis (n,) [rad]."""
+        start = self.start
+        return np.concatenate([start[:1] + self.turn, start[1:]])
 
 
 def fastest(
@@ -169,7 +178,7 @@ def guided_bound(
     """
     throws = _throws(arm, rim, angle, 0, GUIDED_SPEED, FOLLOW_THROUGH)
     low, high = arm.lower[0] + side, arm.upper[0] - side
-    turned = [one for one in throws if low <= one.plane.rest[0] + _turn(arm, one) <= high]
+    turned = [one for one in throws if low <= one.plane.rest[0] + one.turn <= high]
     if not turned:
         raise ValueError(
             f"arm {arm.name}: its first joint cannot turn {np.degrees(side):.0f} degrees to either"
@@ -235,16 +244,18 @@ def widest_swing(name: str) -> ArmSwing:
     arm, world = load_arm(name), the_world()
     bound = guided_bound(arm, world.rim, world.side)
     joints, rest = bound.plane.joints, bound.plane.rest.copy()
-    rest[0] += _turn(arm, bound)
+    rest[0] += bound.turn
     start, release, rates = (row[joints] for row in (bound.start, bound.angles, bound.rates))
     return ArmSwing(joints, start, release, rates, rest, bound.swing)
 
 
-def _turn(arm: UrdfArm, bound: ThrowingBound) -> float:
-    """By how much the first joint must turn the arm so that it throws along the x axis [rad]."""
-    hand = arm.hand(bound.angles).translation
+def _turn(arm: UrdfArm, angles: np.ndarray, is_before: bool) -> float:
+    """By how much the first joint must turn an arm whose hand is released before the axis of the
+    base, or behind it, so that it throws along the x axis [rad].
+    """
+    hand = arm.hand(angles).translation
     # released behind the axis of the base, it throws over it
-    back = 0.0 if bound.release[0] > 0.0 else np.pi
+    back = 0.0 if is_before else np.pi
     return float(np.remainder(back - np.arctan2(hand[1], hand[0]) + np.pi, 2.0 * np.pi) - np.pi)
 
 
@@ -320,17 +331,19 @@ def _bound(
     whole = np.zeros(len(plane.rest))
     whole[plane.joints] = slow * rates
     forward = np.sign(direction[0])
+    before, released = forward * hand[0], plane.whole(angles[None])[0]
     return ThrowingBound(
         float(_distances(hand[None], np.array([speed]), direction, rim)[0]),
         speed,
         float(np.arctan2(direction[1], abs(direction[0]))),
-        np.array([forward * hand[0], hand[1]]),
-        plane.whole(angles[None])[0],
+        np.array([before, hand[1]]),
+        released,
         whole,
         swing,
         share,
         joint,
         plane,
+        _turn(arm, released, before > 0.0),
     )
 
 

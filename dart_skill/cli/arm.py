@@ -167,11 +167,13 @@ def _reach(options: argparse.Namespace) -> int:
 def _throws(options: argparse.Namespace, arm: UrdfArm) -> int:
     import numpy as np
 
-    from dart_skill.arm import throwing_bound
+    from dart_skill.arm import GUIDED_SPEED, guided_bound, throwing_bound
+    from dart_skill.common.configuration import description_path, read_yaml
     from dart_skill.common.regions import REGION
 
     rim = REGION.rim if options.rim is None else options.rim
     bound = throwing_bound(arm, rim, math.radians(options.angle))
+    guided = guided_bound(arm, rim, REGION.side, math.radians(options.angle))
     names = [joint.name for joint in arm.joints]
     if options.output:
         from dart_skill.figures import save, throwing_bound_figure
@@ -187,6 +189,8 @@ def _throws(options: argparse.Namespace, arm: UrdfArm) -> int:
             "swinging": [names[joint] for joint in bound.plane.joints],
             "angles": dict(zip(names, bound.angles.tolist(), strict=True)),
             "rates": dict(zip(names, bound.rates.tolist(), strict=True)),
+            "guided_distance_m": guided.distance,
+            "guided_start": dict(zip(names, guided.turned_start.tolist(), strict=True)),
         }
         print(json.dumps(numbers))
         return 0
@@ -205,6 +209,13 @@ def _throws(options: argparse.Namespace, arm: UrdfArm) -> int:
     )
     for what, values in (("starts", bound.start), ("releases", bound.angles)):
         print(f"  {what} at {np.array2string(values, precision=2, separator=', ')} rad")
+    if "swing" in read_yaml(description_path(options.arm)):
+        return 0  # its file says how a person throws with it
+    start = np.array2string(guided.turned_start, precision=4, separator=", ", suppress_small=True)
+    print(
+        f"a person guides throws to {guided.distance:.2f} m, from {start} rad: over"
+        f" {guided.swing:.1f} s, at {100 * GUIDED_SPEED:.0f} % of the joints' speeds"
+    )
     return 0
 
 

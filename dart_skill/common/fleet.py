@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from dart_skill.common.configuration import load_yaml, node_file, node_parameters
+from dart_skill.common.configuration import arm_names, load_yaml, node_file, node_parameters
 
 FLEET = "fleet"
 OF_SKILL = "skill."
@@ -46,7 +46,7 @@ def arm_named(name: str) -> Arm:
         return {node: dict(parameters) for node, parameters in content["arms"][name].items()}
     raise ValueError(
         f"no arm '{name}': choose {FLEET}:SEED, as in {FLEET}:3, or one of"
-        f" {', '.join(content['arms'])}"
+        f" {', '.join(content['arms'])}; robots are {', '.join(arm_names())}"
     )
 
 

@@ -9,9 +9,13 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from dart_skill.arm import (
+    GUIDED_SPEED,
     ArmModel,
+    Command,
     Impedance,
     JointServo,
+    Speed,
+    guided_bound,
     joint_transforms,
     load_arm,
     posture_at,
@@ -19,11 +23,13 @@ from dart_skill.arm import (
     swing_plane,
     the_arm,
     the_swing,
+    throwing_bound,
 )
 from dart_skill.common.arm_choice import joint_count, joint_names
 from dart_skill.common.configuration import ARM_VARIABLE, node_parameters
 from dart_skill.common.quaternions import matrices
-from dart_skill.simulation import Plant, PlantSettings
+from dart_skill.common.world import the_world
+from dart_skill.simulation import Phase, Plant, PlantSettings, Teacher
 
 IIWA = "kuka_iiwa/model.urdf"
 TURNED = """
@@ -186,11 +192,38 @@ def test_home_points_down_before_the_base(iiwa):
 def test_a_swing_keeps_clear_and_ends_as_fast_as_its_joints(iiwa):
     swing, arm = the_swing(), load_arm("iiwa7")
     speeds = np.abs(swing.rates) / arm.speeds[swing.joints]
-    assert speeds.max() == pytest.approx(1.0, abs=1e-3)
+    assert speeds.max() == pytest.approx(GUIDED_SPEED, abs=1e-3)
     assert swing.release - swing.cocked == pytest.approx(0.5 * swing.duration * swing.rates)
     angles = np.linspace(swing.cocked, swing.release, 20)
     hand = swing_plane(arm).places(angles)[:, -1]
     assert (np.abs(hand[:, 0]) > 0.2).all() and (hand[:, 1] > arm.mount_height - 2e-3).all()
+
+
+@pytest.mark.parametrize("name", ["iiwa7", "panda"])
+def test_an_arm_stands_where_its_swing_begins_and_baskets_where_it_throws(name, monkeypatch):
+    monkeypatch.setenv(ARM_VARIABLE, name)
+    swing, start = the_swing(), node_parameters("wam_simulator.yaml", "wam_simulator")
+    np.testing.assert_allclose(
+        np.array(start["start_posture"])[swing.joints], swing.cocked, atol=0.02
+    )
+    guided = guided_bound(load_arm(name), the_world().rim, the_world().side)
+    assert the_world().near < the_world().far < guided.distance
+    assert throwing_bound(load_arm(name), the_world().rim).distance > 1.3 * guided.distance
+
+
+def test_a_person_guides_such_an_arm_through_a_throw(iiwa):
+    settings = node_parameters("wam_simulator.yaml", "wam_simulator")
+    plant, teacher = Plant(PlantSettings.from_parameters(settings), 0), Teacher(0)
+    target = np.array([1.2, 0.0, 0.4])
+    plant.reset(target)
+    teacher.begin(target, plant.arm_state)
+    while teacher.phase is not Phase.WATCHING:
+        push = teacher.step(plant.arm_state)
+        plant.step(Command(plant.state_stamp_ns, speed=Speed.THROW), push)
+    while plant.state.ball_position[2] > 0.4:
+        plant.step(Command(plant.state_stamp_ns, speed=Speed.THROW))
+    assert not plant.fault
+    assert np.hypot(*(plant.state.ball_position - target)[:2]) < 0.25, "a first try is so good"
 
 
 @pytest.mark.parametrize(

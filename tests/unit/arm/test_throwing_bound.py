@@ -138,6 +138,7 @@ def test_reach_tells_and_draws_where_an_arm_throws_and_points(tmp_path, capsys):
     assert main(["arm", "reach", "panda", "--output", str(tmp_path), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["swinging"] == ["panda_joint2", "panda_joint4", "panda_joint6"]
+    assert 1.0 < told["guided_distance_m"] < 1.3
     assert 1.9 < told["distance_m"] < 2.3 and (tmp_path / "reach_panda.svg").is_file()
     assert main(["arm", "reach", "panda", "--skill", "place", "--height", "1.2"]) == 0
     assert "at 1.20 m above the floor: 0." in capsys.readouterr().out
