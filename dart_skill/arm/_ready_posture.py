@@ -87,15 +87,38 @@ def posture_at(
     for start in (first, *sorted(drawn, key=lambda one: float(np.linalg.norm(one - first)))):
         posture = start.clip(lower, upper)
         for _ in range(STEPS):
-            at, turned = model.hand_pose(posture)
-            off = np.append(position - at, rotation_error(rotation, turned))
+            off = off_by(model, posture, position, rotation)
             if np.abs(off).max() < NEAR:
                 return posture
-            jacobian = model.jacobian(posture)
-            pull = np.linalg.solve(jacobian @ jacobian.T + DAMPING * np.eye(6), off)
-            posture = (posture + jacobian.T @ pull).clip(lower, upper)
+            posture = nearer(model, posture, off).clip(lower, upper)
     raise ValueError(
         f"arm {description.name}: no posture was found in which its hand is at"
         f" {np.round(position, 3).tolist()} m with its palm towards"
         f" {np.round(rotation[:, 2], 2).tolist()}"
     )
+
+
+def off_by(
+    model: ArmModel, posture: np.ndarray, position: np.ndarray, rotation: np.ndarray
+) -> np.ndarray:
+    """What is missing from the hand in a posture to a pose (6,): a way [m] and a turn [rad].
+
+    Parameters
+    ----------
+    position, rotation
+        Of that pose in the world (3,) [m] and (3, 3).
+    """
+    at, turned = model.hand_pose(posture)
+    return np.append(position - at, rotation_error(rotation, turned))
+
+
+def nearer(model: ArmModel, posture: np.ndarray, off: np.ndarray) -> np.ndarray:
+    """The posture after one step of damped least squares, which takes away what is missing.
+
+    Parameters
+    ----------
+    off
+        As of `off_by`.
+    """
+    jacobian = model.jacobian(posture)
+    return posture + jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + DAMPING * np.eye(6), off)

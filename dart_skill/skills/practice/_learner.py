@@ -10,7 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.arm import KnownRegistration, MotionPlan, stretched, the_arm
+from dart_skill.arm import (
+    KnownRegistration,
+    MotionPlan,
+    Speed,
+    stretched,
+    the_arm,
+    unfollowable,
+)
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.situation import Situation
 from dart_skill.mixture import GaussianMixture
@@ -184,10 +191,18 @@ class Learner:
         return Lesson(ids, self._learned.model.model_id, said, facts, left_out)
 
     def plan(self, asked: Situation, explore: bool = False) -> Planned:
-        """See `Practice.plan`; NoPlan names demonstrations for which the arm cannot follow it."""
+        """See `Practice.plan`; NoPlan says where the arm cannot follow it, and names demonstrations
+        for which it is so.
+        """
         planned = self._learned.plan(asked, explore)
-        if self._strained and isinstance(planned.plan, MotionPlan):
-            self._check_bent(planned.plan)
+        if isinstance(planned.plan, MotionPlan):
+            if self._strained:
+                self._check_bent(planned.plan)
+            # what is thrown is refined within the joints' ranges and the motors' speeds
+            if planned.plan.speed == Speed.CAREFUL and (
+                why := unfollowable(planned.plan.as_the_arm_has_it(), the_arm())
+            ):
+                raise NoPlan(f"{why}: choose a situation nearer to what was shown")
         return planned
 
     def _check_bent(self, plan: MotionPlan) -> None:
