@@ -166,13 +166,14 @@ class TeacherNode(GuardedNode):
         except (GraphFailure, ValueError) as error:
             result.success, result.message = False, str(error)
             self.get_logger().error(f"the lesson ends: {error}")
-            await self._brake()
+            if self._lesson.begun:
+                await self._brake()
         finally:
             if self._seen is not None:
                 self._seen.end()
             # as it was found: a client that does not hold the world has the next goal carried out
             with suppress(GraphFailure):
-                if not self._needed[0].gone:
+                if self._lesson.begun and not self._needed[0].gone:
                     await self._lesson.set_anew(paused=was_held)
             self._goal, self._hands.showing = None, self._person
             self._hands.let_go()
