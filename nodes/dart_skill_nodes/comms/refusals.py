@@ -32,6 +32,8 @@ NOT_CHANGED = {
     "on_shutdown": "not shut down",
 }
 """What is said of a change of state that fails, by its method."""
+CONFIGURED = {"on_configure": True, "on_cleanup": False, "on_shutdown": False}
+"""Whether a node is configured after a change of state; the others change nothing about it."""
 SHOWN = 10.0
 """The last refusal is the node's status for so long [s, wall clock]; the counts stay."""
 
@@ -156,22 +158,31 @@ class GuardedLifecycleNode(_Guarded, LifecycleNode):
     """A managed node that survives what it is sent. A change of state that fails says why: rclpy
     keeps the exception to itself.
 
-    fault: why the last change of state failed; empty if it did not.
+    fault: why the last change of state failed; empty if it did not. is_configured: whether it is,
+    or was activated since.
     """
 
     def __init__(self, name: str, **options):
-        self.fault = ""
+        self.fault, self.is_configured = "", False
         for change, what in NOT_CHANGED.items():  # rclpy takes them from the node when it is made
-            setattr(self, change, self._saying(what, getattr(self, change)))
+            setattr(
+                self, change, self._saying(what, getattr(self, change), CONFIGURED.get(change))
+            )
         super().__init__(name, **options)
 
     def _saying(
-        self, what: str, callback: Callable[[LifecycleState], TransitionCallbackReturn]
+        self,
+        what: str,
+        callback: Callable[[LifecycleState], TransitionCallbackReturn],
+        configured: bool | None,
     ) -> Callable:
         def change(state: LifecycleState) -> TransitionCallbackReturn:
             self.fault = ""
             try:
-                return callback(state)
+                done = callback(state)
+                if configured is not None and done == TransitionCallbackReturn.SUCCESS:
+                    self.is_configured = configured
+                return done
             except Exception as error:  # of whatever a node needs and does not find
                 self.fault = f"{what}: {in_a_line(error)}"
                 self.get_logger().error(self.fault)

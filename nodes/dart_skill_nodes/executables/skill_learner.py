@@ -36,7 +36,7 @@ from dart_skill_nodes.comms.names import DEMONSTRATIONS, MARKS
 from dart_skill_nodes.comms.qos import LATCHED, NEWEST, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import OK, Diagnostics, run
-from dart_skill_nodes.process.parameters import declare, skill_of
+from dart_skill_nodes.process.parameters import declare, skill_of, values_of
 
 COLOURS = tuple(marker_colour(colour, 0.45) for colour in palette.GAUSSIANS)
 """Colours of the product of the frames, and of the frames."""
@@ -73,7 +73,7 @@ class SkillLearner(GuardedNode):
         self._diagnostics = Diagnostics(self, self._describe)
 
     def _parameters_now(self) -> dict[str, Any]:
-        return {name: self.get_parameter(name).value for name in self.p}
+        return values_of(self, self.p)
 
     def _on_demonstration(self, message: Demonstration) -> None:
         one = self._checked(message)
