@@ -7,7 +7,9 @@ import importlib
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
+from dart_skill_msgs.action import Execute
 from geometry_msgs.msg import PoseStamped
+from rclpy.action import ActionClient, GoalResponse
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
@@ -16,6 +18,8 @@ from std_srvs.srv import Trigger
 
 from dart_skill.recording import BagReader, LogTime
 from dart_skill.recording.signals import INSISTING, LEAP_NS
+from dart_skill_nodes.comms.coroutines import CoroutineActionServer
+from dart_skill_nodes.comms.qos import CALLS
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, Refusals
 from dart_skill_nodes.executables.recorder import Recorder
 from dart_skill_nodes.process.graph_processes import NODES
@@ -54,6 +58,21 @@ def test_every_one_of_many_calls_at_once_is_answered(spin):
     spin(client.service_is_ready, node, asking)
     answers = [client.call_async(Trigger.Request()) for _ in range(200)]
     spin(lambda: all(answer.done() for answer in answers))
+
+
+def test_every_one_of_many_goals_at_once_is_answered(spin):
+    """Half of fifty were not: an action server keeps ten requests unless it is told otherwise."""
+    node, asking = GuardedNode("carries_out"), GuardedNode("sends")
+
+    async def carry_out(handle):
+        return Execute.Result()
+
+    server = CoroutineActionServer(node, Execute, "/do", carry_out, lambda *_: None)
+    server.register_goal_callback(lambda goal: GoalResponse.REJECT)
+    client = ActionClient(asking, Execute, "/do", goal_service_qos_profile=CALLS)
+    spin(client.server_is_ready, node, asking)
+    sent = [client.send_goal_async(Execute.Goal()) for _ in range(200)]
+    spin(lambda: all(one.done() for one in sent))
 
 
 def test_what_a_callback_refuses_is_counted_and_shown(spin):
