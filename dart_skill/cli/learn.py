@@ -16,6 +16,7 @@ from dart_skill.cli.mapping_option import add_mapping, settle_mapping
 from dart_skill.cli.printable import printable, tell_bag_faults
 from dart_skill.cli.run_options import add_configuration, add_namespace
 from dart_skill.common.constants import REMEMBERED
+from dart_skill.common.words import counted
 from dart_skill.common.world import THROW
 
 if TYPE_CHECKING:
@@ -193,7 +194,7 @@ def _learn_skill(
         "model": str(output),
     }
     lines = [f"{one}: left out: {why}" for one, why in lesson.left_out.items()]
-    learned = f"learned '{skill.name}' from {len(lesson.learned_from)} demonstrations"
+    learned = f"learned '{skill.name}' from {counted(len(lesson.learned_from), 'demonstration')}"
     lines.append("; ".join([learned, *lesson.facts]))
     lines += [f"model {lesson.model_id}: {output}", *_next(skill.name, output)]
     print(json.dumps(told, indent=1) if options.json else "\n".join(lines))

@@ -3,6 +3,7 @@ lost. Nodes in this process, no graph.
 """
 
 import importlib
+from pathlib import Path
 
 import pytest
 import rclpy
@@ -94,6 +95,10 @@ def test_what_a_callback_refuses_is_counted_and_shown(spin):
     asked = node.create_client(Trigger, "~/fail").call_async(Trigger.Request())
     spin(asked.done)
     assert not asked.result().success and "ZeroDivisionError" in asked.result().message
+    node.create_service(Trigger, "~/read", lambda request, response: Path("/nowhere").read_text())
+    asked = node.create_client(Trigger, "~/read").call_async(Trigger.Request())
+    spin(asked.done)
+    assert asked.result().message == "/nowhere: No such file or directory"
     node.refusals.add("/words", ValueError("the last word"))
     heard.clear()
     status.publish()

@@ -2,6 +2,7 @@
 with wrong values.
 """
 
+import re
 import signal
 import time
 
@@ -11,7 +12,7 @@ from builtin_interfaces.msg import Time
 from dart_skill_msgs.action import Execute, Teach
 from dart_skill_msgs.msg import Demonstration, SimulationState, WamCommand
 from dart_skill_msgs.msg import Plan as PlanMsg
-from dart_skill_msgs.srv import AddTrial, Look, Reset
+from dart_skill_msgs.srv import AddTrial, Look, Plan, Reset
 from geometry_msgs.msg import Point, Pose, PoseStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
@@ -337,6 +338,9 @@ def test_a_throw_can_be_cancelled_in_a_running_world(graph, stranger):
     wait_for(graph.client, lambda: "approaching" in stranger.phases, what="the approach")
     graph.client.wait(handle.cancel_goal_async(), "the cancellation")
     assert graph.client.wait(result, "the throw").result.message == "cancelled"
+    log = (graph.logs / "composed.log").read_text()
+    assert "[commander]: no throw: cancelled" in log
+    assert not re.search(r"ERROR.*no throw: cancelled", log), "a client's own wish is no error"
 
 
 def test_a_throw_that_is_stopped_ends_when_the_arm_rests(graph, stranger):
@@ -495,3 +499,14 @@ def test_a_trial_whose_plan_is_empty_is_refused(graph):
         not response.success
         and "point 0 of the plan's trajectory has 0 transforms" in response.message
     )
+
+
+def test_a_plan_is_made_for_a_situation_that_names_no_frame_and_an_empty_trial_is_named(graph):
+    """As /execute takes it; of an empty trial the message had no subject."""
+    client = graph.client
+    plan = client.node.create_client(Plan, "/skill_learner/plan")
+    request = Plan.Request(situation=conversions.at_place(TARGET))
+    assert client.call(plan, request).plan.model_id
+    add = client.node.create_client(AddTrial, "/skill_learner/add_trial")
+    refused = client.call(add, AddTrial.Request(), may_refuse=True).message
+    assert refused.startswith("the demonstration is in frame ''")

@@ -20,6 +20,7 @@ from dart_skill.arm import (
 )
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.situation import Situation
+from dart_skill.common.words import counted
 from dart_skill.mixture import GaussianMixture
 from dart_skill.recording import Demonstration
 from dart_skill.skills.learning import (
@@ -37,7 +38,9 @@ from dart_skill.skills.protocol import Skill, check_way, model_type, part_of
 Parameters = Callable[[], Mapping[str, Any]]
 """Values of the parameters of the node skill_learner, as they are now."""
 
-NOTHING = "nothing is learned yet: call ~/learn, or ~/load a model"
+TEACH = "dart-skill teach --count 5, then dart-skill learn (or dart-skill up --model FILE)"
+"""What to do where nothing is learned yet."""
+NOTHING = f"nothing is learned yet: {TEACH}"
 CHANGED = ("components", "stiffness", "orientation_stiffness", "start_speed", "stop_speed")
 """Settings that parameters of the learner change, where these are not 0."""
 
@@ -183,7 +186,7 @@ class Learner:
         except ValueError as error:
             raise ValueError("; ".join([str(error), *left_out.values()])) from error
         ids = self._learned.model.ids
-        said = f"learned '{skill.name}' from {len(ids)} demonstrations"
+        said = f"learned '{skill.name}' from {counted(len(ids), 'demonstration')}"
         said += changes and f" with {changes}"
         left_out = {**left_out, **self._learned.left_out}
         self._strained = strained(self.skill, kept)

@@ -190,6 +190,14 @@ def finish_by_success(goal_handle: ServerGoalHandle, result) -> None:
     finish(goal_handle, result.success)
 
 
+def say_why_it_ended(node: Node, goal_handle: ServerGoalHandle, text: str) -> None:
+    """Log why a goal was not reached: an error, unless its client wanted that."""
+    if goal_handle.is_cancel_requested:
+        node.get_logger().info(text)
+    else:
+        node.get_logger().error(text)
+
+
 class CoroutineActionServer(ActionServer):
     """An action server whose goals are executed as routines.
 

@@ -77,11 +77,18 @@ class Refusals:
         return True
 
 
+def in_words(error: Exception) -> str:
+    """What an error says; of one of the system without its number."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error)
+
+
 def in_a_line(error: Exception) -> str:
     """What an error says; of one that is no plain refusal also where it was raised, as that is a
     defect of ours.
     """
-    text = " ".join(str(error).split())[:500]
+    text = " ".join(in_words(error).split())[:500]
     if isinstance(error, ValueError | OSError):
         return text
     frames = traceback.extract_tb(error.__traceback__)
@@ -125,7 +132,7 @@ class _Guarded:
                     response.success = True
                 return response
             except (ValueError, OSError) as error:
-                response.success, response.message = False, str(error)
+                response.success, response.message = False, in_words(error)
             except Exception as error:  # a request may hold anything
                 response = srv_type.Response()
                 response.success, response.message = False, self.refusals.add(srv_name, error)

@@ -144,7 +144,13 @@ def heed_arguments(make_nodes: Callable[[], list[Node]], program: str) -> None:
 
     make_nodes: of the module whose text the help has.
     """
-    given = remove_ros_args(sys.argv)[1:]
+    try:
+        given = remove_ros_args(sys.argv)[1:]
+    except RuntimeError as error:
+        # of rcl, whose text ends with places in its source
+        why = str(error).removeprefix("Failed to parse ROS arguments: ").split(", at /")[0]
+        print(f"{program}: {why}", file=sys.stderr)
+        raise SystemExit(1) from None
     if {"-h", "--help"} & set(given):
         print(_help_text(program, inspect.getmodule(make_nodes)))
         raise SystemExit(0)

@@ -253,7 +253,7 @@ def test_demonstrations_whose_fingers_do_different_things_are_named(demonstratio
 
 def test_too_few_demonstrations_are_too_few(demonstrations):
     with pytest.raises(
-        ValueError, match="1 demonstrations are too few for 'touch': record at least 2"
+        ValueError, match="1 demonstration is too few for 'touch': record at least 2"
     ):
         LearnedSkill(Touch(), demonstrations[:1])
 

@@ -404,7 +404,7 @@ def test_learning_uses_only_what_was_recorded(taught, demonstrations, new_plan):
 
 def test_one_demonstration_is_too_few(demonstrations):
     with pytest.raises(
-        ValueError, match=f"1 demonstrations are too few: record at least {LEAST_DEMONSTRATIONS}"
+        ValueError, match=f"1 demonstration is too few: record at least {LEAST_DEMONSTRATIONS}"
     ):
         learn_throwing(demonstrations[:1])
     with pytest.raises(ValueError, match="0 demonstrations are too few"):
