@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from dart_skill.skills.practice import PractisingSkill
     from dart_skill.skills.protocol import Skill
 
-NEXT = "next: dart-skill demo{} --model {}"
+NEXT = ("next: dart-skill up{} --model {}", "next: dart-skill demo{} --model {}")
+"""What uses a model: a graph, with the arm that there is, and throws in simulation."""
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:
@@ -252,11 +253,8 @@ def _next(skill: str, model: Path) -> list[str]:
     """What to type for an arm that does what was learned; nothing where there is no ROS for it."""
     if importlib.util.find_spec("rclpy") is None:
         return []
-    return [
-        NEXT.format(
-            "" if skill == THROW else f" --skill {skill}", shlex.quote(str(model.resolve()))
-        )
-    ]
+    of = "" if skill == THROW else f" --skill {skill}"
+    return [line.format(of, shlex.quote(str(model.resolve()))) for line in NEXT]
 
 
 def _throw_line(number: int, throw: FoundThrow) -> str:

@@ -482,8 +482,10 @@ def test_the_command_says_what_was_found_and_where_the_model_is(
         and "learned from 3 of 4 throws with 'default'; the hand opens" in said
     )
     if importlib.util.find_spec("rclpy") is not None:
-        words = shlex.split(said.splitlines()[-1].removeprefix("next: "))
-        assert words == ["dart-skill", "demo", "--model", str(model)]
+        following = [line.removeprefix("next: ") for line in said.splitlines()[-2:]]
+        assert [shlex.split(line) for line in following] == [
+            ["dart-skill", verb, "--model", str(model)] for verb in ("up", "demo")
+        ], "a real arm throws with 'up', not with a demo"
     demonstrations, configuration, *_ = load_model(model)
     assert same_plan(PractisingSkill(demonstrations, configuration).plan(BASKET), expected)
 
