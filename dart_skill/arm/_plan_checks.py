@@ -10,9 +10,9 @@ import numpy as np
 from dart_skill.arm._command import Speed
 from dart_skill.arm._description import ArmDescription
 from dart_skill.arm._impedance import rotation_error
+from dart_skill.arm._inverse import nearer, off_by
 from dart_skill.arm._model import ArmModel
 from dart_skill.arm._motion_plan import MotionPlan
-from dart_skill.arm._ready_posture import nearer, off_by
 from dart_skill.arm._registration import Registration
 from dart_skill.arm._safety import SafetyLimits
 from dart_skill.common.configuration import node_parameters

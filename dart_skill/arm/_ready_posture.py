@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm._description import ArmDescription
-from dart_skill.arm._impedance import rotation_error
+from dart_skill.arm._inverse import nearer, off_by
 from dart_skill.arm._model import ArmModel
 from dart_skill.arm._the_arm import the_arm
 from dart_skill.common.configuration import arm_name
@@ -22,8 +22,6 @@ STARTS = 40
 """Number of drawn postures from which a solution is looked for."""
 STEPS = 100
 """Number of steps of the solver from each of them."""
-DAMPING = 1e-4
-"""Added to J J' [m^2]: near a singular posture the steps stay short."""
 
 
 def ready_posture(
@@ -96,29 +94,3 @@ def posture_at(
         f" {np.round(position, 3).tolist()} m with its palm towards"
         f" {np.round(rotation[:, 2], 2).tolist()}"
     )
-
-
-def off_by(
-    model: ArmModel, posture: np.ndarray, position: np.ndarray, rotation: np.ndarray
-) -> np.ndarray:
-    """What is missing from the hand in a posture to a pose (6,): a way [m] and a turn [rad].
-
-    Parameters
-    ----------
-    position, rotation
-        Of that pose in the world (3,) [m] and (3, 3).
-    """
-    at, turned = model.hand_pose(posture)
-    return np.append(position - at, rotation_error(rotation, turned))
-
-
-def nearer(model: ArmModel, posture: np.ndarray, off: np.ndarray) -> np.ndarray:
-    """The posture after one step of damped least squares, which takes away what is missing.
-
-    Parameters
-    ----------
-    off
-        As of `off_by`.
-    """
-    jacobian = model.jacobian(posture)
-    return posture + jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + DAMPING * np.eye(6), off)

@@ -22,7 +22,7 @@ from dart_skill.arm import (
 )
 from dart_skill.common.checks import to_the_nanosecond
 from dart_skill.common.situation import Pose, Situation
-from dart_skill.common.words import too_few
+from dart_skill.common.words import counted
 from dart_skill.mixture import GaussianMixture
 from dart_skill.movement import (
     Motion,
@@ -87,7 +87,7 @@ class LearnedSkill:
         least = part.least(skill.settings)
         if len(demonstrations) < least:
             raise ValueError(
-                f"{too_few(len(demonstrations), 'demonstration')} for '{skill.name}': record at"
+                f"only {counted(len(demonstrations), 'demonstration')} of '{skill.name}': record at"
                 f" least {least}"
             )
         self.skill = skill

@@ -32,7 +32,7 @@ from dart_skill.arm import (
 )
 from dart_skill.common.checks import to_the_nanosecond
 from dart_skill.common.constants import Grip
-from dart_skill.common.words import too_few
+from dart_skill.common.words import counted
 from dart_skill.movement import (
     DSGMR,
     Motion,
@@ -349,5 +349,5 @@ def learn_prepared(
 def _check_enough(throws: Sequence[PreparedThrow]) -> None:
     if len(throws) < LEAST_DEMONSTRATIONS:
         raise ValueError(
-            f"{too_few(len(throws), 'demonstration')}: record at least {LEAST_DEMONSTRATIONS}"
+            f"only {counted(len(throws), 'demonstration')}: record at least {LEAST_DEMONSTRATIONS}"
         )

@@ -1,10 +1,8 @@
 """Numbers of things in words."""
 
-from dart_skill.common.words import counted, too_few
+from dart_skill.common.words import counted
 
 
 def test_one_thing_is_not_several():
     assert [counted(n, "throw") for n in (0, 1, 2)] == ["0 throws", "1 throw", "2 throws"]
     assert counted(2, "reach", "reaches") == "2 reaches"
-    assert too_few(1, "demonstration") == "1 demonstration is too few"
-    assert too_few(0, "demonstration") == "0 demonstrations are too few"
