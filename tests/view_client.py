@@ -50,6 +50,10 @@ class PageClient:
         """A message of viser's protocol."""
         self._socket.send(msgspec.msgpack.encode(message.as_serializable_dict()))
 
+    def send_bytes(self, data):
+        """What is no message of viser's protocol."""
+        self._socket.send(data)
+
     def click(self, label):
         """A click on a button."""
         self.send(_messages.GuiUpdateMessage(self._uuid(label), {"value": True}))

@@ -70,7 +70,8 @@ HEAD = """# Nodes, parameters and types
 
 Written by `tools/make_reference.py` from the nodes themselves, which a test compares: change the code, not this page. Every node has
 the topics `/rosout` and `/parameter_events`, tells its status on `/diagnostics`, and has the parameter services of ROS. Defaults stand in
-[config/](../config); `*`: may be changed while the node runs.
+[config/](../config); `*`: may be changed while the node runs; `†`: while it is not configured. Each camera has two parameters more, as
+`cameras.c01.position` and `cameras.c01.look_at` †: its place, and a point that it looks at [m].
 """
 
 
@@ -178,7 +179,8 @@ def parameters(node: Node) -> list[str]:
 def _parameter_row(node: Node, name: str, descriptor: ParameterDescriptor) -> str:
     bounds = [*descriptor.floating_point_range, *descriptor.integer_range]
     limits = f"{bounds[0].from_value:g} to {bounds[0].to_value:g}" if bounds else ""
-    changeable = "" if descriptor.read_only else " \\*"
+    starred = "†" if descriptor.additional_constraints else "\\*"
+    changeable = "" if descriptor.read_only else f" {starred}"
     value = node.get_parameter(name).value
     default = (
         "" if f"{node.get_name()}:{name}:=" in " ".join(arguments(Path("x"))) else f"`{value}`"

@@ -65,6 +65,7 @@ from dart_skill.arm._plan_checks import CommanderSettings as CommanderSettings
 from dart_skill.arm._plan_checks import PlanRefused as PlanRefused
 from dart_skill.arm._plan_checks import check_plan as check_plan
 from dart_skill.arm._plan_checks import stretched as stretched
+from dart_skill.arm._plan_checks import unfollowable as unfollowable
 from dart_skill.arm._pointing_region import pointing_posture as pointing_posture
 from dart_skill.arm._pointing_region import pointing_region as pointing_region
 from dart_skill.arm._pointing_region import postures as postures

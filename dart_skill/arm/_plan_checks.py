@@ -10,6 +10,7 @@ import numpy as np
 from dart_skill.arm._command import Speed
 from dart_skill.arm._description import ArmDescription
 from dart_skill.arm._impedance import rotation_error
+from dart_skill.arm._inverse import nearer, off_by
 from dart_skill.arm._model import ArmModel
 from dart_skill.arm._motion_plan import MotionPlan
 from dart_skill.arm._registration import Registration
@@ -19,6 +20,12 @@ from dart_skill.common.quaternions import CONJUGATE, matrices, product, to_vecto
 
 STRETCHED = 0.005
 """Nearer than this to its full reach the arm cannot follow a plan: the elbow may turn over [m]."""
+EVERY = 0.02
+"""Postures along a path are looked for so far from each other [s]."""
+TOO_FAR = 0.02
+"""A hand that is farther from its path cannot follow it [m]."""
+TOO_TURNED = 0.2
+"""The same of its orientation [rad]."""
 TRACKING = ("joints", "hand", "none")
 """What may keep the arm on its motion."""
 MOST_OFFSET = 0.05
@@ -192,6 +199,39 @@ def stretched(plan: MotionPlan, description: ArmDescription) -> str:
         f"the plan takes the hand {farthest:.3f} m from the shoulder; the arm is stretched at"
         f" {description.reach:.3f} m"
     )
+
+
+def unfollowable(plan: MotionPlan, description: ArmDescription) -> str:
+    """Where the joints' ranges or the speeds of their motors do not let the hand follow a plan, as
+    the arm has it, in words; empty if they do.
+
+    The joints go from posture to posture along the path, by steps of damped least squares.
+    """
+    model, path = ArmModel(description), plan.path
+    lower, upper = description.of_joints("lower"), description.of_joints("upper")
+    fastest = description.of_joints("no_load_speed")
+    posture, rotations = plan.start_posture, matrices(unit(path.quaternion))
+    before, time = posture, 0.0
+    for k in np.searchsorted(path.time, np.arange(0.0, plan.end, EVERY)).tolist():
+        for _ in range(2):
+            off = off_by(model, posture, path.position[k], rotations[k])
+            posture = nearer(model, posture, off).clip(lower, upper)
+        off = off_by(model, posture, path.position[k], rotations[k])
+        away, turn = float(np.linalg.norm(off[:3])), float(np.linalg.norm(off[3:]))
+        if away > TOO_FAR or turn > TOO_TURNED:
+            return (
+                f"the joints' ranges do not let the hand follow the plan: after {path.time[k]:.1f} s"
+                f" it would be {100 * away:.0f} cm and {np.degrees(turn):.0f} degrees off"
+            )
+        if k and (share := np.abs(posture - before) / (path.time[k] - time) / fastest).max() > 1.0:
+            j = int(share.argmax())
+            return (
+                f"the plan turns {description.joints[j].name} at"
+                f" {share[j] * fastest[j]:.1f} rad/s after {path.time[k]:.1f} s; its motor makes"
+                f" {fastest[j]:.1f} rad/s"
+            )
+        before, time = posture, float(path.time[k])
+    return ""
 
 
 def check_range(what: str, posture: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:

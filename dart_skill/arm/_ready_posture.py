@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm._description import ArmDescription
-from dart_skill.arm._impedance import rotation_error
+from dart_skill.arm._inverse import nearer, off_by
 from dart_skill.arm._model import ArmModel
 from dart_skill.arm._the_arm import the_arm
 from dart_skill.common.configuration import arm_name
@@ -22,8 +22,6 @@ STARTS = 40
 """Number of drawn postures from which a solution is looked for."""
 STEPS = 100
 """Number of steps of the solver from each of them."""
-DAMPING = 1e-4
-"""Added to J J' [m^2]: near a singular posture the steps stay short."""
 
 
 def ready_posture(
@@ -87,13 +85,10 @@ def posture_at(
     for start in (first, *sorted(drawn, key=lambda one: float(np.linalg.norm(one - first)))):
         posture = start.clip(lower, upper)
         for _ in range(STEPS):
-            at, turned = model.hand_pose(posture)
-            off = np.append(position - at, rotation_error(rotation, turned))
+            off = off_by(model, posture, position, rotation)
             if np.abs(off).max() < NEAR:
                 return posture
-            jacobian = model.jacobian(posture)
-            pull = np.linalg.solve(jacobian @ jacobian.T + DAMPING * np.eye(6), off)
-            posture = (posture + jacobian.T @ pull).clip(lower, upper)
+            posture = nearer(model, posture, off).clip(lower, upper)
     raise ValueError(
         f"arm {description.name}: no posture was found in which its hand is at"
         f" {np.round(position, 3).tolist()} m with its palm towards"

@@ -28,6 +28,7 @@ from dart_skill.cli.run_options import (
     parameter_texts,
 )
 from dart_skill.common.extras import explained, need
+from dart_skill.common.words import counted
 from dart_skill.common.world import THROW
 
 if TYPE_CHECKING:
@@ -186,16 +187,16 @@ def _about(
     skill, trials = summary.skill, len(summary.trials)
     words, factor = skill.words, summary.trial_real_time_factor
     pace = "" if factor is None else f"; {words.trials} at {factor:.1f} times real time"
+    shown = counted(summary.demonstrations, "demonstration")
     facts = {
         "Seed": str(options.seed),
-        "Guided movements": f"{summary.attempts} for {summary.demonstrations} demonstrations",
+        "Guided movements": f"{summary.attempts} for {shown}",
         "Arm": options.arm,
         "Layout": options.layout,
         "Time": f"{summary.wall_seconds:.0f} s{pace}",
     }
     return About(
-        f"{skill.name.capitalize()}: {summary.demonstrations} demonstrations, {trials}"
-        f" {words.trials}",
+        f"{skill.name.capitalize()}: {shown}, {counted(trials, words.trial, words.trials)}",
         facts,
         asked(parser, options),
         parameter_texts(),

@@ -16,6 +16,7 @@ from dart_skill.cli.mapping_option import add_mapping, settle_mapping
 from dart_skill.cli.printable import printable, tell_bag_faults
 from dart_skill.cli.run_options import add_configuration, add_namespace
 from dart_skill.common.constants import REMEMBERED
+from dart_skill.common.words import counted
 from dart_skill.common.world import THROW
 
 if TYPE_CHECKING:
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
     from dart_skill.skills.practice import PractisingSkill
     from dart_skill.skills.protocol import Skill
 
-NEXT = "next: dart-skill demo{} --model {}"
+NEXT = ("next: dart-skill up{} --model {}", "next: dart-skill demo{} --model {}")
+"""What uses a model: a graph, with the arm that there is, and throws in simulation."""
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:
@@ -193,7 +195,7 @@ def _learn_skill(
         "model": str(output),
     }
     lines = [f"{one}: left out: {why}" for one, why in lesson.left_out.items()]
-    learned = f"learned '{skill.name}' from {len(lesson.learned_from)} demonstrations"
+    learned = f"learned '{skill.name}' from {counted(len(lesson.learned_from), 'demonstration')}"
     lines.append("; ".join([learned, *lesson.facts]))
     lines += [f"model {lesson.model_id}: {output}", *_next(skill.name, output)]
     print(json.dumps(told, indent=1) if options.json else "\n".join(lines))
@@ -251,11 +253,8 @@ def _next(skill: str, model: Path) -> list[str]:
     """What to type for an arm that does what was learned; nothing where there is no ROS for it."""
     if importlib.util.find_spec("rclpy") is None:
         return []
-    return [
-        NEXT.format(
-            "" if skill == THROW else f" --skill {skill}", shlex.quote(str(model.resolve()))
-        )
-    ]
+    of = "" if skill == THROW else f" --skill {skill}"
+    return [line.format(of, shlex.quote(str(model.resolve()))) for line in NEXT]
 
 
 def _throw_line(number: int, throw: FoundThrow) -> str:

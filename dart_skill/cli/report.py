@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from dart_skill.cli.printable import printable, tell_bag_faults
 from dart_skill.common.extras import need
+from dart_skill.common.words import counted
 
 if TYPE_CHECKING:
     from dart_skill.report import Run
@@ -91,11 +92,11 @@ def _as_text(run: Run, output: Path) -> str:
     from dart_skill.recording.imports import fault_lines
     from dart_skill.session import throws_in_a_line
 
-    shown = f"{len(run.shown)} demonstrations"
+    shown = counted(len(run.shown), "demonstration")
     if run.throws:
         faults = (one for one in run.throws.recording.faults if not one.is_information)
         lines = fault_lines(one for one in faults if not one.repaired)
-        own = f"{len(run.trials)} throws of the arm: {throws_in_a_line(run.trials)}"
+        own = f"{counted(len(run.trials), 'throw')} of the arm: {throws_in_a_line(run.trials)}"
         lines += [f"{shown}, {own}"]
     else:
         lines = [f"{run.skill.name}: {shown}, {len(run.own)} movements of the arm's own"]

@@ -15,6 +15,7 @@ import numpy as np
 from dart_skill.common.archive import read_arrays
 from dart_skill.common.checks import as_count, as_finite
 from dart_skill.common.files import new_file, open_file
+from dart_skill.common.words import counted
 
 AnyModel = TypeVar("AnyModel", bound="HyperParameters")
 
@@ -198,7 +199,7 @@ class SavableModel(HyperParameters):
     def _shown(self) -> str:
         """Number of demonstrations, in words."""
         n = getattr(self, "n_demonstrations_", 0)
-        return f"{n} demonstration{'s' if n != 1 else ''}, " if n else ""
+        return f"{counted(n, 'demonstration')}, " if n else ""
 
 
 def array_of(arrays: Arrays, name: str, shape: tuple[int | None, ...]) -> np.ndarray:

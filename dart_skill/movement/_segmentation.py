@@ -236,8 +236,9 @@ class VelocityThreshold:
         )
         if speeds[peak] <= self.start:
             raise ValueError(
-                f"nothing moved between {time[0]:.3f} and {time[-1]:.3f} s: {seen}; lower the"
-                " threshold or check the tracking"
+                f"nothing moved between {time[0]:.3f} and {time[-1]:.3f} s: {seen}; move the hand"
+                " farther and faster, or check the tracking; a slow movement needs a lower"
+                " start_threshold"
             )
         raise ValueError(
             f"no motion that starts after the first sample lasts {self.min_duration:g} s: {seen}; "

@@ -19,6 +19,7 @@ import numpy as np
 
 from dart_skill.arm import Registration
 from dart_skill.common.constants import REMEMBERED
+from dart_skill.common.words import counted
 from dart_skill.common.world import THROW
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import (
@@ -346,8 +347,8 @@ def _too_few(report: LearnReport, has_joints: bool) -> str:
     learned, seen = len(report.learned_from), len(report.throws)
     reasons = sorted({throw.reason for throw in report.throws if throw.reason})
     text = (
-        f"{report.source}: {learned} demonstrations among {seen} throws are too few: at least"
-        f" {LEAST_DEMONSTRATIONS} are needed"
+        f"{report.source}: {counted(learned, 'demonstration')} among {counted(seen, 'throw')}"
+        f" {'is' if learned == 1 else 'are'} too few: at least {LEAST_DEMONSTRATIONS} are needed"
     )
     if not seen:
         reasons.append(

@@ -82,9 +82,7 @@ class SessionBag:
             qos_yaml(durability="transient_local", depth=100),
         )
         header = {"frame_id": the_world().frame_id}
-        self._state = message(
-            self._types, JOINT_STATE, {"header": header, "name": list(joint_names())}
-        )
+        self._state = message(self._types, JOINT_STATE, {"name": list(joint_names())})
         self._command = message(self._types, WAM_COMMAND, {"header": header, "sender": 1})
         self._push = message(self._types, WAM_COMMAND, {"header": header, "sender": 2})
         self._pose = message(self._types, POSE, {"header": header})

@@ -111,7 +111,8 @@ class TrialResult:
         return math.atan2(self.target[1], self.target[0])
 
     def in_words(self, words: SkillWords) -> str:
-        """Success, error and what there is to say: `done, 0.7 mm`, `out, landing not seen`.
+        """Success, error and what there is to say: `done, 0.7 mm`, `out, landing not seen`; where
+        the error was not seen, a reason that is known says more than that.
 
         Parameters
         ----------
@@ -119,8 +120,10 @@ class TrialResult:
             Of the skill.
         """
         unit, scale = words.unit
-        off = words.unseen if self.error_m is None else f"{scale * self.error_m:.1f} {unit}"
-        return f"{words.result[not self.success]}, {off} {self.why or self.message}".rstrip()
+        done = words.result[not self.success]
+        if self.error_m is None:
+            return f"{done}, {self.why or self.message or words.unseen}"
+        return f"{done}, {scale * self.error_m:.1f} {unit} {self.why or self.message}".rstrip()
 
     def to_json(self) -> dict[str, Any]:
         """Plain values; what was not seen is None."""

@@ -19,6 +19,10 @@ from dart_skill.common.world import the_world
 
 OF_EACH_JOINT = ("start_posture", "mass_scale", "joint_stiffness", "joint_offset")
 """Settings with a number for each joint."""
+HEAVIEST = 10.0
+"""Largest factor on the mass of a link: the motors hold no more."""
+STIFFEST = 1e6
+"""Largest stiffness of a cable [N m/rad]; 0 stands for a rigid one."""
 NO_PARAMETERS = ("step_ns", "reset_ns", "hand_clearance", "basket", "board", "limits")
 """Settings that are no parameters of the simulator of that name."""
 
@@ -274,8 +278,16 @@ class PlantSettings:
             values = getattr(self, name)
             if len(values) != joint_count() or not np.isfinite(values).all():
                 raise ValueError(f"{name} {values} is not {joint_count()} finite numbers")
-        if not (min(self.mass_scale) > 0.0):
-            raise ValueError(f"mass_scale {self.mass_scale} must be positive")
+        if not (0.0 < min(self.mass_scale) and max(self.mass_scale) <= HEAVIEST):
+            raise ValueError(
+                f"mass_scale {self.mass_scale} must be positive, and {HEAVIEST:g} at most"
+            )
+        if max(self.joint_stiffness) > STIFFEST:
+            raise ValueError(
+                f"joint_stiffness {self.joint_stiffness} is above {STIFFEST:g} N m/rad"
+            )
+        if np.abs(self.joint_offset).max() > np.pi:
+            raise ValueError(f"joint_offset {self.joint_offset} is more than half a turn")
         if min(self.joint_stiffness) < 0.0 or (
             any(self.joint_stiffness) and not all(self.joint_stiffness)
         ):

@@ -365,7 +365,7 @@ class Teacher:
         if miss(low) > 0 or miss(high) < 0:
             nearest, farthest = miss(low) + reach, miss(high) + reach
             raise ValueError(
-                f"{out_of_reach}: place it between {nearest:.2f} and {surface.far(farthest)}"
+                f"{out_of_reach}: place it between {max(nearest, 0.0):.2f} and {surface.far(farthest)}"
             )
         from scipy.optimize import brentq  # 0.1 s, which only a throw that is shown needs
 

@@ -64,6 +64,8 @@ class Bench:
         Between part, holder and table.
     part_spread, part_turn
         Standard deviations of where the part stands [m], and of how it is turned [rad].
+    holder
+        Where the holder stands, upright, until somebody puts it elsewhere (3,) [m].
     """
 
     start_posture: tuple[float, ...] = field(
@@ -78,6 +80,7 @@ class Bench:
     friction: float = 0.4
     part_spread: float = 0.003
     part_turn: float = 0.03
+    holder: tuple[float, float, float] = (0.6, 0.1, 1.1602)
 
     @property
     def inertia(self) -> np.ndarray:
@@ -99,7 +102,7 @@ class Workbench(Plant):
         self, bench: Bench | None = None, settings: PlantSettings | None = None, seed: int = 0
     ):
         self.bench = bench or Bench()
-        self._holder: Pose = np.array([0.6, 0.2, 0.8]), np.array([0.0, 0.0, 0.0, 1.0])
+        self._holder: Pose = np.array(self.bench.holder), np.array([0.0, 0.0, 0.0, 1.0])
         own = replace(settings or PlantSettings(), start_posture=self.bench.start_posture)
         super().__init__(own, seed, self.bench.loaded(the_arm()))
 

@@ -23,6 +23,10 @@ from dart_skill.view._scene import GROUPS, Scene
 
 LEVELS = ("ok", "warning", "error", "stale")
 """Levels of a node's status, as diagnostic_msgs numbers them."""
+FEWEST = 2
+"""Demonstrations from which something may be learned at the earliest."""
+STOPPED = "/commander/reset"
+"""A node whose status names this service waits for it: somebody, or a limit, has stopped the arm."""
 UNHEARD = "none has been heard yet"
 LONGEST_CURVE = 2000
 """Throws that the learning curve holds."""
@@ -118,6 +122,10 @@ class Panel:
         self._errors: list[tuple[float, bool]] = []
         self._stop = self._button("Stop", lambda: Request("stop"), palette.STOP)
         self._reset = self._button("Reset after a stop", lambda: Request("reset"))
+        self._reset.disabled = True
+        self._busy, self._has_model, self._n_shown = False, False, 0
+        # buttons that begin something, and whether that can work now
+        self._starting: list[tuple[Any, Callable[[], bool]]] = []
         self._says = self._gui.add_html(_says(""))  # below what must not move
         tabs = self._gui.add_tab_group()
         self.holding: HoldingControls | None = None
@@ -148,6 +156,7 @@ class Panel:
             scene.on_basket_dragged(
                 lambda place, done: ask(Request("place_basket", {"place": place, "done": done}))
             )
+        self._allow()
         self.show_legend()
         self.say(self._welcome)
 
@@ -176,7 +185,9 @@ class Panel:
         self._is_new = text == self._welcome
 
     def welcome_a_model(self) -> None:
-        """Say that a skill is learned already, if the page has said only how to teach one."""
+        """There is a model to try; say so, if the page has said only how to teach one."""
+        self._has_model = True
+        self._allow()
         if self._is_new:
             self.say(
                 f"A model is there: press {self._words.do}, or Teach to have more shown and learn"
@@ -191,14 +202,24 @@ class Panel:
         busy
             Whether that is so.
         """
-        for button in self._starting:
-            button.disabled = busy
+        self._busy = busy
+        self._allow()
+
+    def count_shown(self, number: int) -> None:
+        """So many demonstrations are there to learn from."""
+        self._n_shown = number
+        self._allow()
+
+    def _allow(self) -> None:
+        for button, can_work in self._starting:
+            button.disabled = self._busy or not can_work()
 
     def show_nodes(self, nodes: Sequence[NodeStatus]) -> None:
         """One line per node, sorted by name."""
         nodes = tuple(sorted(nodes, key=lambda node: node.name))
         if nodes != self._shown_nodes:
             self._shown_nodes = nodes
+            self._reset.disabled = not any(STOPPED in node.message for node in nodes)
             self._nodes.content = "".join(_node_line(node) for node in nodes) or _words(UNHEARD)
 
     def show_legend(self) -> None:
@@ -284,20 +305,23 @@ class Panel:
                         else ""
                     },
                 ),
+                hint=f"{FEWEST} demonstrations at least",
             )
-        self._starting = [teach, learn]
+        self._starting += [(teach, lambda: True), (learn, lambda: self._n_shown >= FEWEST)]
 
     def _add_holding(self) -> None:
         if self._skill.by_pointer:
             self.holding = HoldingControls(
                 self._gui, lambda what, values: self._ask(Request(what, values))
             )
-            self._starting.append(self.holding.take_button)
+            self._starting.append((self.holding.take_button, lambda: True))
 
     def _add_throwing(self) -> None:
         words = self._words
         with self._gui.add_folder(f"{words.do} and practise"):
-            throw = self._button(words.do, lambda: Request("throw"), palette.BLUE)
+            throw = self._button(
+                words.do, lambda: Request("throw"), palette.BLUE, hint="with what was learned"
+            )
             self._throws = self._gui.add_slider(
                 f"Own {words.trials}", 1, MOST_THROWS, 1, 10, hint="each of them is learned from"
             )
@@ -317,15 +341,16 @@ class Panel:
                     },
                 ),
             )
-        self._starting += [throw, practise]
+        self._starting += [(one, lambda: self._has_model) for one in (throw, practise)]
 
     def _button(
         self,
         label: str,
         request: Callable[[], Request],
         colour: tuple[int, int, int] | None = None,
+        hint: str | None = None,
     ) -> Any:
-        button = self._gui.add_button(label, color=colour)
+        button = self._gui.add_button(label, color=colour, hint=hint)
         button.on_click(lambda _: self._ask(request()))
         return button
 

@@ -9,6 +9,7 @@ import hmac
 import importlib
 import io
 import ipaddress
+import logging
 import secrets
 import socket
 from collections.abc import Mapping
@@ -68,6 +69,7 @@ def open_server(
     """
     viser = load_viser()
     _check_free(host, port)
+    logging.getLogger("websockets.server").addFilter(_without_traceback)
     # viser prints a panel; our callers say it in their own way
     with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
@@ -155,6 +157,17 @@ def _refuse_strangers(server: Any, token: str) -> None:
             )
 
     websockets.on_client_connect(check)
+
+
+def _without_traceback(record: logging.LogRecord) -> bool:
+    """Says in a line what a client sent that cannot be read: it has lost its connection, and nothing
+    else has happened.
+    """
+    if record.exc_info and (error := record.exc_info[1]) is not None:
+        what = f"{type(error).__name__}: {error}".strip().split("\n")[0][:200]
+        record.msg, record.args = "a connection to the page was closed: %s", (what,)
+        record.exc_info = record.exc_text = None
+    return True
 
 
 def _never_share(*_: Any, **__: Any) -> None:

@@ -223,6 +223,7 @@ CANNOT = {
     "teacher": (["-p", "seed:=text"], "seed"),
     "composed": (["-p", "wam_simulator:mass_scale:=[1.0, 1.0]"], "mass_scale"),
     "viewer": (["-p", "host:=no.such.host.invalid"], "no.such.host.invalid"),
+    "skill_learner": (["--params-file", "nowhere.yaml"], "'--params-file nowhere.yaml'"),
     "bag_player": (["-p", "bag:=nowhere"], "nowhere: no such bag"),
 }
 

@@ -3,10 +3,10 @@ bag of their own.
 """
 
 import gc
-import time
 
 import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
 from dart_skill.common.permissions import LIFE_CYCLE, PARAMETERS
@@ -14,12 +14,15 @@ from dart_skill.common.world import joint_names
 from dart_skill.recording import BagReader
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.executables.demonstration_recorder import DemonstrationRecorder
+from dart_skill_nodes.executables.mock_optitrack import MockOptitrack
 from dart_skill_nodes.executables.recorder import Recorder
 from dart_skill_nodes.process.node_base import make_executor
 from tests.integration.conftest import until
 
 TOPIC = "/joint_states"
 DONE = TransitionCallbackReturn.SUCCESS
+FIRST = {"recorder": "recording", "demonstration_recorder": "demonstrations"}
+"""How bags begin that nobody has given a name."""
 
 
 class Speaker:
@@ -109,19 +112,39 @@ def test_a_recorder_that_was_cleaned_up_begins_another_bag(
     own = {f"/{node.get_name()}/{service}" for service in (*PARAMETERS, *LIFE_CYCLE)}
     speaker.until(lambda: own <= {name for name, _ in offered()}, "the services of the node")
     speaker.until(lambda: writes() and told() == 1, "a bag that is written to")
-    before, begun = offered(), time.strftime("%S")
+    before = offered()
+    (refused,) = node.set_parameters([Parameter("bag", value="mine")])
+    assert not refused.successful and "clean it up" in refused.reason
     assert node.trigger_deactivate() == node.trigger_cleanup() == DONE
-    # The name of a bag is the second in which it was begun; what ticks in between must find
-    # nothing to do.
-    speaker.until(lambda: time.strftime("%S") != begun, "another second")
+    (taken,) = node.set_parameters([Parameter("bag", value="mine")])
+    assert taken.successful, taken.reason
+    (tmp_path / "mine").mkdir()
     assert node.trigger_configure() == node.trigger_activate() == DONE
     speaker.until(writes, "messages in the second bag")
     speaker.until(
         lambda: told() == 1 and offered() == before, "the same services and publishers as before"
     )
     assert node.trigger_deactivate() == node.trigger_cleanup() == DONE
+    (tmp_path / "mine").rmdir()
     bags = sorted(tmp_path.iterdir())
-    assert len(bags) == 2
+    assert {bag.name.split("_20")[0] for bag in bags} == {FIRST[name], "mine_2"}
     for bag in bags:
         with BagReader(bag) as read:
             assert read.topics[TOPIC].count > 0
+
+
+CANNOT_BE = {
+    "cameras.c01.position": ([1.0], "length 3"),
+    "cameras.c01.look_at": ([float("nan")] * 3, "holds nan"),
+    "seed": (-5, "seed"),
+}
+
+
+def test_cameras_that_cannot_be_are_refused(speaker_for):
+    node, _ = speaker_for(MockOptitrack, "mock_optitrack")
+    assert node.trigger_deactivate() == node.trigger_cleanup() == DONE
+    for name, (value, said) in CANNOT_BE.items():
+        (refused,) = node.set_parameters([Parameter(name, value=value)])
+        assert not refused.successful and said in refused.reason, refused.reason
+        assert node.describe_parameter(name).description
+    assert node.trigger_configure() == DONE

@@ -3,11 +3,14 @@ lost. Nodes in this process, no graph.
 """
 
 import importlib
+from pathlib import Path
 
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
+from dart_skill_msgs.action import Execute
 from geometry_msgs.msg import PoseStamped
+from rclpy.action import ActionClient, GoalResponse
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
@@ -16,6 +19,8 @@ from std_srvs.srv import Trigger
 
 from dart_skill.recording import BagReader, LogTime
 from dart_skill.recording.signals import INSISTING, LEAP_NS
+from dart_skill_nodes.comms.coroutines import CoroutineActionServer
+from dart_skill_nodes.comms.qos import CALLS
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, Refusals
 from dart_skill_nodes.executables.recorder import Recorder
 from dart_skill_nodes.process.graph_processes import NODES
@@ -56,6 +61,21 @@ def test_every_one_of_many_calls_at_once_is_answered(spin):
     spin(lambda: all(answer.done() for answer in answers))
 
 
+def test_every_one_of_many_goals_at_once_is_answered(spin):
+    """Half of fifty were not: an action server keeps ten requests unless it is told otherwise."""
+    node, asking = GuardedNode("carries_out"), GuardedNode("sends")
+
+    async def carry_out(handle):
+        return Execute.Result()
+
+    server = CoroutineActionServer(node, Execute, "/do", carry_out, lambda *_: None)
+    server.register_goal_callback(lambda goal: GoalResponse.REJECT)
+    client = ActionClient(asking, Execute, "/do", goal_service_qos_profile=CALLS)
+    spin(client.server_is_ready, node, asking)
+    sent = [client.send_goal_async(Execute.Goal()) for _ in range(200)]
+    spin(lambda: all(one.done() for one in sent))
+
+
 def test_what_a_callback_refuses_is_counted_and_shown(spin):
     node, heard = GuardedNode("fussy"), []
     node.create_subscription(String, "/words", refuse, 10)
@@ -75,6 +95,10 @@ def test_what_a_callback_refuses_is_counted_and_shown(spin):
     asked = node.create_client(Trigger, "~/fail").call_async(Trigger.Request())
     spin(asked.done)
     assert not asked.result().success and "ZeroDivisionError" in asked.result().message
+    node.create_service(Trigger, "~/read", lambda request, response: Path("/nowhere").read_text())
+    asked = node.create_client(Trigger, "~/read").call_async(Trigger.Request())
+    spin(asked.done)
+    assert asked.result().message == "/nowhere: No such file or directory"
     node.refusals.add("/words", ValueError("the last word"))
     heard.clear()
     status.publish()

@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 import pytest
-from dart_skill_msgs.action import Execute
+from dart_skill_msgs.action import Execute, Teach
 from dart_skill_msgs.msg import SimulationState, WamCommand
 from dart_skill_msgs.srv import Learn, PlaceBody, Reset
 from rclpy.action import ActionClient
@@ -19,12 +19,14 @@ from std_srvs.srv import SetBool, Trigger
 from dart_skill.common.configuration import load_yaml
 from dart_skill.common.regions import targets_for
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.qos import LOOP
 from dart_skill_nodes.process.graph_processes import NODES, GraphFailure
 from dart_skill_nodes.verbs.trials import throw_at
 from tests.integration.conftest import (
     Diagnoses,
     Joints,
     begin_slow_throw,
+    catch_up,
     teach_and_learn,
     wait_for,
 )
@@ -89,7 +91,7 @@ def test_a_world_of_which_nobody_has_asked_anything_rests_soon(graph):
     said = Diagnoses(client)
     wait_for(
         client,
-        lambda: said.of.get("wam_simulator") == "resting",
+        lambda: "resting: 20 states a second" in said.of.get("wam_simulator", ""),
         what=lambda: f"it rests, not '{said.of.get('wam_simulator')}',",
     )
     assert int(said.values["wam_simulator"]["steps"]) < 2500, said.values["wam_simulator"]
@@ -107,7 +109,7 @@ def test_a_world_that_rests_goes_on_when_something_is_done_in_it(quiet, what):
     )
     wait_for(
         client,
-        lambda: said.of.get("wam_simulator") == "resting",
+        lambda: "resting: 20 states a second" in said.of.get("wam_simulator", ""),
         what=lambda: f"it rests, not '{said.of.get('wam_simulator')}',",
     )
     if what == "a hand that opens":
@@ -276,7 +278,31 @@ def test_a_goal_in_a_world_that_somebody_holds_says_what_lets_it_run(client):
     assert not result.done() and phases[-2:] == ["armed", "held"]
     client.call(pause, SetBool.Request(data=False))
     assert client.wait(result, "the throw").result.outcome.success
-    client.call(pause, SetBool.Request(data=True))
+    client.call(
+        client.node.create_client(Reset, "/simulation/reset"),
+        Reset.Request(paused=True, situation=goal.situation),
+    )
+    handle = client.wait(execute.send_goal_async(goal), "the goal")
+    ended = client.wait(handle.get_result_async(), "the end of a goal that nobody lets begin")
+    assert ended.result.code == Execute.Goal.OUTCOME_STOPPED
+    assert "the simulated world is held: /simulation/pause" in ended.result.message
+
+
+def test_a_lesson_that_is_refused_changes_nothing(client):
+    """It left the world paused, where the next goal waited for ever."""
+    resets = []
+    client.node.create_subscription(
+        SimulationState, "/simulation/state", lambda state: resets.append(state.episode), LOOP
+    )
+    client.call(client.node.create_client(Reset, "/simulation/reset"), Reset.Request())
+    catch_up(client, 0.3)
+    teach = Teach.Goal(situation=conversions.at_place(np.array([np.nan, 0.0, 0.4])))
+    handle = client.wait(client.teach_action.send_goal_async(teach), "/teach")
+    refused = client.wait(handle.get_result_async(), "the lesson").result
+    assert not refused.success and refused.message
+    last = resets[-1]
+    wait_for(client, lambda: resets[-20:] == [last] * 20, what="a world that goes on as it was")
+    assert client.throw(BETWEEN).outcome.success
 
 
 def test_a_cancelled_throw_stops_the_arm(client):

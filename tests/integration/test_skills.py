@@ -114,7 +114,11 @@ def test_a_plain_client_says_nothing_and_the_arm_does_it_where_the_cameras_see_t
     )
     handle = client.wait(action.send_goal_async(Execute.Goal()), "/execute")
     result = client.wait(handle.get_result_async(), "the result").result
+    handle = client.wait(action.send_goal_async(Execute.Goal()), "/execute")
+    refused = client.wait(handle.get_result_async(), "the result of an empty hand").result
     client.call(hold, SetBool.Request(data=True))
+    assert refused.code == Execute.Goal.OUTCOME_REFUSED
+    assert "from where the hand takes it" in refused.message
     assert result.code == Execute.Goal.OUTCOME_EXECUTED and result.outcome.success, (
         result.outcome.message or result.message
     )

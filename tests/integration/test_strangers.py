@@ -2,6 +2,7 @@
 with wrong values.
 """
 
+import re
 import signal
 import time
 
@@ -11,8 +12,10 @@ from builtin_interfaces.msg import Time
 from dart_skill_msgs.action import Execute, Teach
 from dart_skill_msgs.msg import Demonstration, SimulationState, WamCommand
 from dart_skill_msgs.msg import Plan as PlanMsg
-from dart_skill_msgs.srv import AddTrial, Reset
+from dart_skill_msgs.srv import AddTrial, Look, Plan, Reset
 from geometry_msgs.msg import Point, Pose, PoseStamped
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rclpy.action import ActionClient
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -24,6 +27,7 @@ from dart_skill.common.regions import targets_for
 from dart_skill.common.world import joint_names, pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LOOP
+from dart_skill_nodes.comms.tracked_bodies import REPAIRED
 from dart_skill_nodes.process.graph_processes import GraphFailure
 from tests.integration.conftest import (
     Diagnoses,
@@ -173,6 +177,39 @@ def test_a_goal_that_says_nothing_is_thrown_at_the_basket_that_the_cameras_see(g
     assert result.outcome.seen and result.outcome.error < 0.05
 
 
+def test_a_goal_is_told_of_an_empty_hand_and_refused_where_no_poses_come(graph, stranger):
+    """Both were executed, and nothing was said of what had come of them."""
+    client = graph.client
+    _, result = stranger.begin()
+    assert client.wait(result, "/execute").result.outcome.success
+    sent = stranger.action.send_goal_async(Execute.Goal(situation=conversions.at_place(TARGET)))
+    result = client.wait(sent, "/execute").get_result_async()
+    outcome = client.wait(result, "/execute").result.outcome
+    assert not outcome.seen and "the ball was not in the hand" in outcome.message
+    cameras = client.node.create_client(ChangeState, "/mock_optitrack/change_state")
+    client.call(cameras, change_state(Transition.TRANSITION_DEACTIVATE))
+    try:
+        stranger.watch(1.1)
+        until = time.monotonic() + REPAIRED
+        wait_for(client, lambda: time.monotonic() > until, what="the patience for late poses")
+        sent = stranger.action.send_goal_async(Execute.Goal())
+        refused = client.wait(client.wait(sent, "/execute").get_result_async(), "/execute").result
+    finally:
+        client.call(cameras, change_state(Transition.TRANSITION_ACTIVATE))
+        look = client.node.create_client(Look, "/demonstration_recorder/look")
+        wait_for(
+            client,
+            lambda: client.call(look, Look.Request(), may_refuse=True).success,
+            what="poses again",
+        )
+    assert refused.code == Execute.Goal.OUTCOME_REFUSED
+    assert "no cameras: no pose has come for" in refused.message
+
+
+def change_state(transition):
+    return ChangeState.Request(transition=Transition(id=transition))
+
+
 def test_stop_during_planning_means_that_nothing_is_thrown(graph, stranger, slow_learner):
     _, result = slow_learner.begin()
     assert graph.client.call(stranger.stop, Trigger.Request()).success
@@ -301,6 +338,9 @@ def test_a_throw_can_be_cancelled_in_a_running_world(graph, stranger):
     wait_for(graph.client, lambda: "approaching" in stranger.phases, what="the approach")
     graph.client.wait(handle.cancel_goal_async(), "the cancellation")
     assert graph.client.wait(result, "the throw").result.message == "cancelled"
+    log = (graph.logs / "composed.log").read_text()
+    assert "[commander]: no throw: cancelled" in log
+    assert not re.search(r"ERROR.*no throw: cancelled", log), "a client's own wish is no error"
 
 
 def test_a_throw_that_is_stopped_ends_when_the_arm_rests(graph, stranger):
@@ -459,3 +499,14 @@ def test_a_trial_whose_plan_is_empty_is_refused(graph):
         not response.success
         and "point 0 of the plan's trajectory has 0 transforms" in response.message
     )
+
+
+def test_a_plan_is_made_for_a_situation_that_names_no_frame_and_an_empty_trial_is_named(graph):
+    """As /execute takes it; of an empty trial the message had no subject."""
+    client = graph.client
+    plan = client.node.create_client(Plan, "/skill_learner/plan")
+    request = Plan.Request(situation=conversions.at_place(TARGET))
+    assert client.call(plan, request).plan.model_id
+    add = client.node.create_client(AddTrial, "/skill_learner/add_trial")
+    refused = client.call(add, AddTrial.Request(), may_refuse=True).message
+    assert refused.startswith("the demonstration is in frame ''")

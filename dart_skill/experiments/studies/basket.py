@@ -26,6 +26,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Wedge
 
 from dart_skill.common.regions import REGION, Region
+from dart_skill.common.words import counted
 from dart_skill.experiments.studies.practice import teach
 from dart_skill.experiments.studies.throws import along_and_across
 from dart_skill.figures import BLACK, GREY, LIGHT, house_style, quantity_colours, save
@@ -280,7 +281,7 @@ def draw_map(
             axes.set_title(title)
             bar: dict[str, Any] = {"orientation": "horizontal", "aspect": 45, "shrink": 0.8}
             figure.colorbar(shades, ax=axes, label=label, pad=0.02, **bar)
-        said = f"{len(used)} teacher{'s' if len(used) > 1 else ''}, no practice"
+        said = f"{counted(len(used), 'teacher')}, no practice"
         title = f"Model '{model}' after {demonstrations} demonstrations, {said}"
         figure.suptitle(title, x=0.01, ha="left")
         hatched = "dots: never thrown at; lines: all refused, or no landing seen"

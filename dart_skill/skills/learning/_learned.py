@@ -22,6 +22,7 @@ from dart_skill.arm import (
 )
 from dart_skill.common.checks import to_the_nanosecond
 from dart_skill.common.situation import Pose, Situation
+from dart_skill.common.words import counted
 from dart_skill.mixture import GaussianMixture
 from dart_skill.movement import (
     Motion,
@@ -35,6 +36,9 @@ from dart_skill.skills.learning._policy import Policy
 from dart_skill.skills.learning._prepared import PreparedMovement, prepare_movement
 from dart_skill.skills.learning._representation import ClockedRepresentation, Representation
 from dart_skill.skills.protocol import Skill, TaskOutcome, part_of
+
+OUT_OF_HAND = 0.1
+"""What is farther than this from where it was shown in the hand is not there [m]."""
 
 
 class NoPlan(ValueError):
@@ -83,7 +87,7 @@ class LearnedSkill:
         least = part.least(skill.settings)
         if len(demonstrations) < least:
             raise ValueError(
-                f"{len(demonstrations)} demonstrations are too few for '{skill.name}': record at"
+                f"only {counted(len(demonstrations), 'demonstration')} of '{skill.name}': record at"
                 f" least {least}"
             )
         self.skill = skill
@@ -252,12 +256,21 @@ class LearnedSkill:
         ------
         NoPlan
             If there is none.
+        ValueError
+            If what the hand shall hold is elsewhere.
         """
         assert isinstance(self.encoded, ClockedRepresentation), "a policy is asked on the way"
         situation = situation if HAND in situation.poses else situation.moved(HAND, self.start)
         for role, pose in self.held.poses.items():
             if role not in situation.poses:
                 situation = situation.moved(role, situation.pose(HAND).place(pose))
+            lies = situation.pose(HAND).sees(situation.pose(role))
+            away = float(np.linalg.norm(lies.position - pose.position))
+            if away > OUT_OF_HAND:
+                raise ValueError(
+                    f"the {role} is {away:.2f} m from where the hand takes it: put it there (in"
+                    " simulation /simulation/reset does)"
+                )
         aimed = self.skill.corrected(situation, self.offset)
         try:
             path, attractor, turned = self.encoded.movement(aimed)

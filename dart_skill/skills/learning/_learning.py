@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from dart_skill.common.words import counted
 from dart_skill.mixture import best_number
 from dart_skill.recording import Demonstration
 from dart_skill.skills.learning._learned import LearnedSkill
@@ -60,7 +61,7 @@ def choose_components(skill: Skill, demonstrations: Sequence[Demonstration], way
     check_way(way)
     if way == CROSS_VALIDATION and len(demonstrations) < FEWEST:
         raise ValueError(
-            f"{len(demonstrations)} demonstrations are too few to leave out each once: record at"
+            f"only {counted(len(demonstrations), 'demonstration')} to leave out each once: record at"
             f" least {FEWEST}"
         )
 

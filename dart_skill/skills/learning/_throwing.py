@@ -32,6 +32,7 @@ from dart_skill.arm import (
 )
 from dart_skill.common.checks import to_the_nanosecond
 from dart_skill.common.constants import Grip
+from dart_skill.common.words import counted
 from dart_skill.movement import (
     DSGMR,
     Motion,
@@ -353,5 +354,5 @@ def learn_prepared(
 def _check_enough(throws: Sequence[PreparedThrow]) -> None:
     if len(throws) < LEAST_DEMONSTRATIONS:
         raise ValueError(
-            f"{len(throws)} demonstrations are too few: record at least {LEAST_DEMONSTRATIONS}"
+            f"only {counted(len(throws), 'demonstration')}: record at least {LEAST_DEMONSTRATIONS}"
         )

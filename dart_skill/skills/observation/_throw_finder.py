@@ -126,13 +126,8 @@ class ThrowFinder:
         else:
             log.add_release(opening.stamp_ns)
         throw = cut_throw(log, opening, self._thresholds)
-        one = throw.demonstration
-        if one is not None:
+        if throw.demonstration is not None:
             self._since = until + 1
-        if one is not None and throw.shows:
-            throw = replace(
-                throw, demonstration=replace(one, id=demonstration_id(opening.stamp_ns))
-            )
         return [throw]
 
     def forget_before(self, stamp_ns: int) -> None:
@@ -154,9 +149,8 @@ def cut_throw(
     nothing could be cut.
     """
     until = watched_until(opening.stamp_ns)
-    kind = "miss" if opening.taught else "throw"
     try:
-        one = log.cut(f"{kind}_{opening.stamp_ns}", until, thresholds)
+        one = log.cut(demonstration_id(opening.stamp_ns), until, thresholds)
         outcome = judge_flight(
             *log.ball_between(opening.stamp_ns, until), one.target, the_world().basket_radius
         )

@@ -67,7 +67,8 @@ class PlaceSettings(SkillSettings):
     grasp
         Of its centre in the frame of the hand that holds it (3,) [m].
     shown_at
-        About there the holder stands when it is shown in simulation (2,) [m].
+        About there the holder stands when it is shown in simulation, and there until somebody puts
+        it elsewhere (2,) [m].
     shown_within, shown_turn
         At most so far away [m] and turned [rad].
     asked_within, asked_turn
@@ -147,6 +148,7 @@ class Place(Skill):
             "depth": s.depth,
             "clearance": GAP,
             "wall": WALL,
+            "holder": (*s.shown_at, s.table + s.floor),
         }
 
     def draw(self, rng: np.random.Generator, wide: bool = False) -> Situation:

@@ -14,7 +14,7 @@ from dart_skill.skills.practice._correction import (
 )
 from dart_skill.skills.practice._curriculum import UNKNOWN_ERROR, UNSEEN_ERROR, Curriculum
 from dart_skill.skills.practice._hand_delay import USUAL_DELAY_SPREAD, HandDelay, likely_late
-from dart_skill.skills.practice._learner import Learner, Lesson, Parameters, changed_skill
+from dart_skill.skills.practice._learner import TEACH, Learner, Lesson, Parameters, changed_skill
 from dart_skill.skills.practice._memory import PracticeSettings, TrialMemory
 from dart_skill.skills.practice._practice import (
     BootstrapPractice,
@@ -54,6 +54,7 @@ __all__ = [
     "SHARES",
     "Standing",
     "Steadiness",
+    "TEACH",
     "TargetChoice",
     "TrialBodies",
     "TrialMemory",

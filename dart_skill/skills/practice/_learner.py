@@ -10,9 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.arm import KnownRegistration, MotionPlan, stretched, the_arm
+from dart_skill.arm import (
+    KnownRegistration,
+    MotionPlan,
+    Speed,
+    stretched,
+    the_arm,
+    unfollowable,
+)
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.situation import Situation
+from dart_skill.common.words import counted
 from dart_skill.mixture import GaussianMixture
 from dart_skill.recording import Demonstration
 from dart_skill.skills.learning import (
@@ -30,7 +38,9 @@ from dart_skill.skills.protocol import Skill, check_way, model_type, part_of
 Parameters = Callable[[], Mapping[str, Any]]
 """Values of the parameters of the node skill_learner, as they are now."""
 
-NOTHING = "nothing is learned yet: call ~/learn, or ~/load a model"
+TEACH = "dart-skill teach --count 5, then dart-skill learn (or dart-skill up --model FILE)"
+"""What to do where nothing is learned yet."""
+NOTHING = f"nothing is learned yet: {TEACH}"
 CHANGED = ("components", "stiffness", "orientation_stiffness", "start_speed", "stop_speed")
 """Settings that parameters of the learner change, where these are not 0."""
 
@@ -176,7 +186,7 @@ class Learner:
         except ValueError as error:
             raise ValueError("; ".join([str(error), *left_out.values()])) from error
         ids = self._learned.model.ids
-        said = f"learned '{skill.name}' from {len(ids)} demonstrations"
+        said = f"learned '{skill.name}' from {counted(len(ids), 'demonstration')}"
         said += changes and f" with {changes}"
         left_out = {**left_out, **self._learned.left_out}
         self._strained = strained(self.skill, kept)
@@ -184,10 +194,18 @@ class Learner:
         return Lesson(ids, self._learned.model.model_id, said, facts, left_out)
 
     def plan(self, asked: Situation, explore: bool = False) -> Planned:
-        """See `Practice.plan`; NoPlan names demonstrations for which the arm cannot follow it."""
+        """See `Practice.plan`; NoPlan says where the arm cannot follow it, and names demonstrations
+        for which it is so.
+        """
         planned = self._learned.plan(asked, explore)
-        if self._strained and isinstance(planned.plan, MotionPlan):
-            self._check_bent(planned.plan)
+        if isinstance(planned.plan, MotionPlan):
+            if self._strained:
+                self._check_bent(planned.plan)
+            # what is thrown is refined within the joints' ranges and the motors' speeds
+            if planned.plan.speed == Speed.CAREFUL and (
+                why := unfollowable(planned.plan.as_the_arm_has_it(), the_arm())
+            ):
+                raise NoPlan(f"{why}: choose a situation nearer to what was shown")
         return planned
 
     def _check_bent(self, plan: MotionPlan) -> None:

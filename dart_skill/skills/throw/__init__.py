@@ -34,6 +34,10 @@ RELEASE = "release"
 """Instant at which the ball left the hand."""
 
 
+OUT_OF_HAND = 0.5
+"""A ball that is farther than this from the hand's tracked body is not in it [m]."""
+
+
 class Throw(AimedSkill):
     """Throw the ball in the hand at the basket; the pose of a basket is the centre of its rim."""
 
@@ -105,7 +109,27 @@ class Throw(AimedSkill):
         left = (release.position, release.velocity) if release else (unseen, unseen)
         observed = {LANDING: (outcome.landing, unseen), RELEASE: left}
         error = float(outcome.landing_error) if outcome.landing_seen else np.nan
-        return TaskOutcome(bool(outcome.in_basket), error, observed=observed), self.about(asked)
+        reason = "" if outcome.landing_seen else self._empty_hand(log, told_ns)
+        success = bool(outcome.in_basket) and not reason
+        if not (success or outcome.landing_seen):
+            reason = reason or f"the landing of the {self.bodies[0]} was not seen"
+        return TaskOutcome(success, error, reason, observed=observed), self.about(asked)
+
+    def _empty_hand(self, log: ThrowLog, told_ns: int) -> str:
+        """What to say where the hand had nothing to throw when it was told to open; empty where it
+        may have had.
+        """
+        thrown = log.ball.part(0, told_ns)
+        hand = log.hand.part(0, thrown.stamps[-1]) if thrown.stamps else log.hand
+        if not (thrown.rows and hand.rows):
+            return ""
+        away = float(np.linalg.norm(thrown.rows[-1] - hand.rows[-1][:3]))
+        if away < OUT_OF_HAND:
+            return ""
+        return (
+            f"the {self.bodies[0]} was not in the hand: when it was last seen, before the hand"
+            f" opened, it was {away:.1f} m from it"
+        )
 
     def described(self, seen: Demonstration) -> Demonstration:
         """As it is: it was cut when it was recorded."""

@@ -46,6 +46,8 @@ FEEDBACK_NS = 50_000_000
 """Time between two messages of feedback [ns, by the stamps of states]."""
 STATE_PATIENCE = 4.0
 """Longest wait for the state of the arm that a goal's stamp names [s, wall clock]."""
+LET_RUN = 5.0
+"""Longest wait for who holds a simulated world in which a motion shall begin [s, wall clock]."""
 FINDS = 3.0
 """Longest wait for what a trial needs, until it is found [s, wall clock]."""
 
@@ -60,7 +62,8 @@ class GoalUnderWay:
     * armed: the commander has its plan, and the arm may move for it.
     * waits: the client was told that the world is held.
     * over: kept when the movement and the watching have ended.
-    * newest_ns, fed_ns: stamps of the last state that it saw, and of the last feedback.
+    * begun_ns, newest_ns, fed_ns: stamps of the first and the last state that it saw, and of the
+      last feedback.
     * ended_ns: the stamp at which movement and watching end, None before that is known.
     """
 
@@ -71,6 +74,7 @@ class GoalUnderWay:
     armed: bool = False
     waits: bool = False
     over: Promise = field(default_factory=Promise)
+    begun_ns: int = 0
     newest_ns: int = 0
     ended_ns: int | None = None
     fed_ns: int = 0
@@ -209,7 +213,7 @@ class Execution:
         if goal.withdrawn:
             result.code, result.message = Execute.Goal.OUTCOME_STOPPED, goal.withdrawn
             return
-        begun_ns = goal.newest_ns = self.state.stamp_ns
+        begun_ns = goal.begun_ns = goal.newest_ns = self.state.stamp_ns
         if isinstance(plan, MotionPlan):
             self._commander.execute(plan)
         else:
@@ -217,6 +221,7 @@ class Execution:
         if self._seen is not None:
             self._seen.begin(begun_ns)
         goal.armed = True
+        self._arm.time.goes_on()  # who holds the world lets it run when the plan is there
         self._feed("armed")
         await goal.over
         if self._seen is not None:
@@ -302,10 +307,12 @@ class Execution:
             return
         if self._commander.executing and goal.learner.gone:
             self.withdraw(f"{goal.learner} has gone during the {name}: start it again")
-        if not goal.waits and self._arm.time.held:
+        if (held := self._arm.time.held) and not goal.waits:
             goal.waits = True
             self._feed("held")
-            self._node.get_logger().warning(f"the {name} waits: {self._arm.time.held}")
+            self._node.get_logger().warning(f"the {name} waits: {held}")
+        if held and goal.newest_ns == goal.begun_ns and self._arm.time.silence > LET_RUN:
+            self.withdraw(held)
         if not goal.withdrawn and self._arm.time.stalled:
             self.withdraw(self._arm.time.stalled)
         if goal.withdrawn and self._arm.time.silence > QUIET:

@@ -37,6 +37,8 @@ class Lesson:
     * showings: ways of a simulated person, and of one with a pointer.
     * most: attempts in one situation.
     * go_on: raises GraphFailure if the lesson under way shall not go on.
+
+    Attribute: begun, whether the last one has moved anything; one that is refused has not.
     """
 
     def __init__(
@@ -54,7 +56,7 @@ class Lesson:
         self._node, self._skill, self._call = node, skill, calls.call
         self._hands, self._seen, self._cameras = hands, seen, cameras
         self._person, self._pointer = showings
-        self._most, self._go_on = most, go_on
+        self._most, self._go_on, self.begun = most, go_on, False
         self._recorder, self._unseen = RecorderCalls(node, calls, *OF_THE_RECORDER), ""
         self._step = node.create_client(Step, "simulation/step")
         self._reset = node.create_client(Reset, "simulation/reset")
@@ -67,6 +69,7 @@ class Lesson:
 
     async def give(self, goal_handle, result: Teach.Result) -> None:
         """The lesson of a goal, which fills its result; GraphFailure or ValueError says why it ends."""
+        self.begun = False
         request, situation = goal_handle.request, goal_handle.request.situation
         showing = self._hands.showing = self._pointer if request.by_pointer else self._person
         attempts = 1 if request.by_pointer else request.max_attempts or self._most
@@ -99,6 +102,7 @@ class Lesson:
         hands, showing = self._hands, self._hands.showing
         hands.let_go()
         await self._recorder.start(lambda: self._hold(False))
+        self.begun = True
         await self.free_arm(True)
         watched = showing is self._pointer
         first_ns = await self.set_anew(

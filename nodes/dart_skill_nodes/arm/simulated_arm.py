@@ -60,8 +60,7 @@ class StatePublisher:
         joints = JointState(name=[joint.name for joint in arm.joints])
         joints.position = joints.velocity = joints.effort = [0.0] * len(joints.name)
         self._tool = PoseStamped()
-        for message in (joints, self._tool):
-            message.header.frame_id = frame
+        self._tool.header.frame_id = frame
         self._joint_layout = FixedLayout(joints)
         self._truth_layouts: dict[tuple, FixedLayout] = {}  # by what is said beside numbers
         self._level: bytes | None = None

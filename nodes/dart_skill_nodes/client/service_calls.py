@@ -250,7 +250,7 @@ def _unanswered(name: str, asked: Presence, limit: float) -> str:
     return (
         f"{asked} has gone before it answered {name}: start it again"
         if asked.gone
-        else f"no answer from {name} in {limit:.0f} s"
+        else f"no answer from {name} in {limit:.0f} s: {asked} serves it, and may be busy or stuck"
     )
 
 

@@ -14,6 +14,7 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from dart_skill.common.regions import Region
+from dart_skill.skills.practice import TEACH
 from dart_skill.skills.protocol import Skill, SkillWords
 from dart_skill.view import Panel, Request
 from dart_skill_nodes.client.node_inspector import NodeInspector
@@ -30,7 +31,7 @@ LOOK_STEPS = 20
 their latency.
 """
 TO_PRESS = {
-    "call ~/learn, or ~/load a model": "press Teach, then Learn",
+    TEACH: "press Teach, then Learn",
     "call /commander/reset": "press Reset after a stop",
 }
 """Remedies of nodes, and the buttons of the page for them."""

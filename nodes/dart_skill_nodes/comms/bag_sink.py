@@ -2,6 +2,7 @@
 with what was lost written into it.
 """
 
+from itertools import count
 from pathlib import Path
 
 from dart_skill_msgs.msg import DemonstrationMark
@@ -32,6 +33,16 @@ from dart_skill_nodes.comms.refusals import NOT_RECORDED, GuardedLifecycleNode
 
 FLUSH = 1.0
 """What came more than so long ago is safe from a crash [s, wall clock]."""
+
+
+def free_folder(path: Path) -> Path:
+    """The path, or where something is there already the same with the next free number."""
+    free = path
+    for number in count(2):
+        if not free.exists():
+            break
+        free = path.with_name(f"{path.name}_{number}")
+    return free
 
 
 class BagSink:

@@ -17,7 +17,7 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 
 from dart_skill_nodes.comms.presence import Presence
-from dart_skill_nodes.comms.qos import WAITS
+from dart_skill_nodes.comms.qos import CALLS, WAITS
 from dart_skill_nodes.comms.this_machine import LOOK
 
 RESULT_KEPT = 60
@@ -190,6 +190,14 @@ def finish_by_success(goal_handle: ServerGoalHandle, result) -> None:
     finish(goal_handle, result.success)
 
 
+def say_why_it_ended(node: Node, goal_handle: ServerGoalHandle, text: str) -> None:
+    """Log why a goal was not reached: an error, unless its client wanted that."""
+    if goal_handle.is_cancel_requested:
+        node.get_logger().info(text)
+    else:
+        node.get_logger().error(text)
+
+
 class CoroutineActionServer(ActionServer):
     """An action server whose goals are executed as routines.
 
@@ -198,8 +206,16 @@ class CoroutineActionServer(ActionServer):
     """
 
     def __init__(self, node: Node, action_type, name: str, routine, finish, **options):
+        services = ("goal_service", "cancel_service", "result_service")
+        depths = {f"{service}_qos_profile": CALLS for service in services}
         super().__init__(
-            node, action_type, name, self._not_used, result_timeout=RESULT_KEPT, **options
+            node,
+            action_type,
+            name,
+            self._not_used,
+            result_timeout=RESULT_KEPT,
+            **depths,
+            **options,
         )
         self._own_node, self._routine, self._finish = node, routine, finish
 

@@ -4,9 +4,11 @@ became of a movement, and where bodies are; a skill's own words, between message
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 from dart_skill_msgs.srv import Judge
@@ -15,16 +17,18 @@ from rclpy.node import Node
 from dart_skill.arm import ArmState, Grip
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import HAND, Demonstration, read_command
-from dart_skill.skills.observation import FoundThrow, ThrowFinder
+from dart_skill.skills.observation import RESET_NS, FoundThrow, ThrowFinder
 from dart_skill.skills.protocol import Skill
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.joint_states import StateReader
 from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, pose_topic
-from dart_skill_nodes.comms.presence import Cameras
-from dart_skill_nodes.comms.tracked_bodies import FRAME_NS, Arrivals, TrackedBodies
+from dart_skill_nodes.comms.presence import NO_CAMERAS, Cameras
+from dart_skill_nodes.comms.tracked_bodies import FRAME_NS, REPAIRED, Arrivals, TrackedBodies
 
 STREAM = 25
 """Messages since the beginning that make a topic a stream, which is waited for."""
+BLIND_NS = 1_000_000_000
+"""Time of the arm without a pose after which cameras see nothing, if none was late [ns]."""
 
 
 class Observer:
@@ -67,6 +71,8 @@ class Observer:
         self.silent = {JOINT_STATES, COMMANDS, pose_topic(name_of[HAND])}
         self.recording, self.up_to_ns, self.fault = False, 0, ""
         self._reader, self._joints = StateReader(), b""  # the newest state, serialised
+        # since the newest pose: on the wall clock [s], and by the arm's states, which may be held
+        self._seen_at, self._blind_ns, self._arm_ns = 0.0, 0, 0
         self._newest: dict[str, int] = {}
         self._heard: Counter[str] = Counter()
 
@@ -76,8 +82,12 @@ class Observer:
         """A serialised message, with its stamp; ValueError for one that cannot be used."""
         if role := self.role_of.get(topic):
             self.tracked.take(role, data)
+            self._seen_at, self._blind_ns = time.monotonic(), 0
         elif topic == JOINT_STATES:
             self._joints = data
+            passed_ns = ns - self._arm_ns
+            self._blind_ns += passed_ns if 0 < passed_ns < RESET_NS else 0  # no reset
+            self._arm_ns = ns
             if (self.recording or self._finder) and self.log.wants_joints(ns):
                 if (state := self.arm_state()) is not None:
                     self.log.add_joints(ns, state.position, state.velocity)
@@ -194,9 +204,16 @@ class Observer:
 
     @property
     def cameras_gone(self) -> str:
-        """What to say when poses have come, and nothing publishes any more; empty else."""
+        """What to say when poses have come, and none come any more; empty else."""
+        if not self.tracked.newest_ns:
+            return ""
         gone = [one.missing for one in self._cameras]
-        return gone[0] if self.tracked.newest_ns and all(gone) else ""
+        if all(gone):
+            return gone[0]
+        silent = time.monotonic() - self._seen_at
+        if silent < REPAIRED or self._blind_ns < BLIND_NS:
+            return ""
+        return f"{NO_CAMERAS}: no pose has come for {silent:.0f} s: do they see, and publish?"
 
     def come(self, ns: int) -> str:
         """In words, up to when poses have come, for a client that waits for more."""
@@ -229,6 +246,8 @@ class Observer:
             )
         until_ns = until_ns or self.tracked.newest_ns
         outcome, situation = skill.outcome(self.log, asked, begun_ns, told_ns, until_ns)
+        if math.isnan(outcome.error) and (gone := self.cameras_gone):
+            outcome = replace(outcome, reason=gone)
         response.outcome = conversions.task_outcome_msg(
             outcome,
             conversions.situation_msg(situation),
@@ -241,15 +260,14 @@ class Observer:
         """Where the bodies beside the hand were seen just before a stamp, or that it is pending;
         ValueError says which one was not.
         """
+        if gone := self.cameras_gone:
+            raise ValueError(gone)
         until_ns = until_ns or self.tracked.newest_ns
         late = not self.tracked.has_frames_until(until_ns - FRAME_NS) or any(
             self.tracked.is_late(role, until_ns) for role in self.role_of.values()
         )
-        if late and not self.cameras_gone:
+        if late:
             response.pending, response.message = True, self.come(until_ns)
             return
-        try:
-            response.situation = conversions.situation_msg(self.log.situation_at(until_ns))
-        except ValueError as error:
-            raise ValueError(self.cameras_gone or str(error)) from error
+        response.situation = conversions.situation_msg(self.log.situation_at(until_ns))
         response.stamp = conversions.time_msg(until_ns)

@@ -32,6 +32,8 @@ NOT_CHANGED = {
     "on_shutdown": "not shut down",
 }
 """What is said of a change of state that fails, by its method."""
+CONFIGURED = {"on_configure": True, "on_cleanup": False, "on_shutdown": False}
+"""Whether a node is configured after a change of state; the others change nothing about it."""
 SHOWN = 10.0
 """The last refusal is the node's status for so long [s, wall clock]; the counts stay."""
 
@@ -75,11 +77,18 @@ class Refusals:
         return True
 
 
+def in_words(error: Exception) -> str:
+    """What an error says; of one of the system without its number."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error)
+
+
 def in_a_line(error: Exception) -> str:
     """What an error says; of one that is no plain refusal also where it was raised, as that is a
     defect of ours.
     """
-    text = " ".join(str(error).split())[:500]
+    text = " ".join(in_words(error).split())[:500]
     if isinstance(error, ValueError | OSError):
         return text
     frames = traceback.extract_tb(error.__traceback__)
@@ -123,7 +132,7 @@ class _Guarded:
                     response.success = True
                 return response
             except (ValueError, OSError) as error:
-                response.success, response.message = False, str(error)
+                response.success, response.message = False, in_words(error)
             except Exception as error:  # a request may hold anything
                 response = srv_type.Response()
                 response.success, response.message = False, self.refusals.add(srv_name, error)
@@ -156,22 +165,31 @@ class GuardedLifecycleNode(_Guarded, LifecycleNode):
     """A managed node that survives what it is sent. A change of state that fails says why: rclpy
     keeps the exception to itself.
 
-    fault: why the last change of state failed; empty if it did not.
+    fault: why the last change of state failed; empty if it did not. is_configured: whether it is,
+    or was activated since.
     """
 
     def __init__(self, name: str, **options):
-        self.fault = ""
+        self.fault, self.is_configured = "", False
         for change, what in NOT_CHANGED.items():  # rclpy takes them from the node when it is made
-            setattr(self, change, self._saying(what, getattr(self, change)))
+            setattr(
+                self, change, self._saying(what, getattr(self, change), CONFIGURED.get(change))
+            )
         super().__init__(name, **options)
 
     def _saying(
-        self, what: str, callback: Callable[[LifecycleState], TransitionCallbackReturn]
+        self,
+        what: str,
+        callback: Callable[[LifecycleState], TransitionCallbackReturn],
+        configured: bool | None,
     ) -> Callable:
         def change(state: LifecycleState) -> TransitionCallbackReturn:
             self.fault = ""
             try:
-                return callback(state)
+                done = callback(state)
+                if configured is not None and done == TransitionCallbackReturn.SUCCESS:
+                    self.is_configured = configured
+                return done
             except Exception as error:  # of whatever a node needs and does not find
                 self.fault = f"{what}: {in_a_line(error)}"
                 self.get_logger().error(self.fault)

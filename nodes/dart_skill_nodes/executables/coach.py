@@ -16,7 +16,11 @@ from dart_skill.recording import HAND
 from dart_skill_nodes.client.person import PersonAtTheArm
 from dart_skill_nodes.client.practice import Practising
 from dart_skill_nodes.client.service_calls import ServiceCalls
-from dart_skill_nodes.comms.coroutines import CoroutineActionServer, finish_by_success
+from dart_skill_nodes.comms.coroutines import (
+    CoroutineActionServer,
+    finish_by_success,
+    say_why_it_ended,
+)
 from dart_skill_nodes.comms.joint_states import TimeOfTheArm
 from dart_skill_nodes.comms.names import pose_topic
 from dart_skill_nodes.comms.presence import Cameras, Presence, subscribers
@@ -86,7 +90,7 @@ class CoachNode(GuardedNode):
             await self._practising.carry_out(goal_handle, result)
         except (GraphFailure, ValueError) as error:
             result.success, result.message = False, str(error)
-            self.get_logger().error(f"practice ends: {error}")
+            say_why_it_ended(self, goal_handle, f"practice ends: {error}")
         finally:
             # as it was found: a client that does not hold the world has the next goal carried out
             with suppress(GraphFailure):

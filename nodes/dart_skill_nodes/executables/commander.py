@@ -30,7 +30,7 @@ from dart_skill_nodes.arm.arm_watch import NOT_FOR_AN_ARM, ArmWatch
 from dart_skill_nodes.arm.execution import Execution
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.commands import CommandWriter, new_sender
-from dart_skill_nodes.comms.coroutines import CoroutineActionServer, finish
+from dart_skill_nodes.comms.coroutines import CoroutineActionServer, finish, say_why_it_ended
 from dart_skill_nodes.comms.joint_states import StateReader, hear_joint_states
 from dart_skill_nodes.comms.names import COMMANDS, pose_topic
 from dart_skill_nodes.comms.qos import COMPLETE, LATCHED, WALL
@@ -143,7 +143,7 @@ class CommanderNode(GuardedNode):
 
     def _finish(self, goal_handle, result) -> None:
         if result.code != Execute.Goal.OUTCOME_EXECUTED:
-            self.get_logger().error(f"no {self._skill.name}: {result.message}")
+            say_why_it_ended(self, goal_handle, f"no {self._skill.name}: {result.message}")
         finish(goal_handle, result.code == Execute.Goal.OUTCOME_EXECUTED)
 
     # the rest

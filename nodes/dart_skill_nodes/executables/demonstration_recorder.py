@@ -27,7 +27,7 @@ from dart_skill.recording import (
 from dart_skill.skills.observation import watched_until
 from dart_skill.skills.practice import Learner
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.bag_sink import BagKeeper, DemonstrationBag
+from dart_skill_nodes.comms.bag_sink import BagKeeper, DemonstrationBag, free_folder
 from dart_skill_nodes.comms.joint_states import OfTheArm
 from dart_skill_nodes.comms.names import DEMONSTRATIONS, JOINT_STATES, MARKS, in_graph
 from dart_skill_nodes.comms.observing import Observer
@@ -35,7 +35,7 @@ from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
 from dart_skill_nodes.comms.refusals import NOT_RECORDED
 from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, autostart, run
-from dart_skill_nodes.process.parameters import declare, declare_bodies, skill_of
+from dart_skill_nodes.process.parameters import declare, declare_bodies, skill_of, values_of
 
 
 class DemonstrationRecorder(BagKeeper):
@@ -48,7 +48,6 @@ class DemonstrationRecorder(BagKeeper):
         self.p = declare(self, "demonstration_recorder")
         self._skill = skill_of(self)
         self._name_of = declare_bodies(self, (HAND, *self._skill.bodies))
-        self.declare_parameter("autostart", True)
         self._bag, self.observer = None, None
         self._count, self._time, self._of_the_arm = 0, LogTime(), OfTheArm()
         self._marked, self._unwritten = Marks(), []
@@ -60,12 +59,13 @@ class DemonstrationRecorder(BagKeeper):
         self.create_service(Judge, "~/judge", self._on_judge)
         self.create_service(Look, "~/look", self._on_look)
         self._diagnostics = Diagnostics(self, self._describe)
-        if self.get_parameter("autostart").value:
+        if self.p["autostart"]:
             autostart(self)
 
     # life cycle
 
     def on_configure(self, state) -> TransitionCallbackReturn:
+        self.p = values_of(self, self.p)
         if self.p["automatic"] and not self._skill.cuts_itself:
             raise ValueError(
                 f"automatic is for throws at baskets: the skill '{self._skill.name}' needs ~/start"
@@ -76,8 +76,9 @@ class DemonstrationRecorder(BagKeeper):
             self._skill, lambda: node_parameters("skill_learner.yaml", "skill_learner")
         )
         self.observer = observer = Observer(self, self._skill, self._name_of, self.p, self._take)
-        path = Path(self.p["bag"] or f"demonstrations_{datetime.now():%Y_%m_%d-%H_%M_%S}")
-        self._bag = DemonstrationBag(self, path, {"seed": str(self.p["seed"])})
+        named = self.p["bag"] or f"demonstrations_{datetime.now():%Y_%m_%d-%H_%M_%S}"
+        notes = {"seed": str(self.p["seed"])}
+        self._bag = DemonstrationBag(self, free_folder(Path(named)), notes)
         topics = [in_graph(self, topic) or topic for topic in self.p["topics"]]
         self._recorded = {*topics, *observer.role_of}
         self._messages, self._full = RawBatches(self), {}  # names in full, by how they are called

@@ -11,11 +11,12 @@ from functools import lru_cache
 import numpy as np
 from dart_skill_msgs.msg import FramesDelivered, SimulationState
 from geometry_msgs.msg import PoseStamped
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import TransitionCallbackReturn
 from rosgraph_msgs.msg import Clock
 
 from dart_skill.arm import Transform
-from dart_skill.common.checks import as_place
+from dart_skill.common.checks import as_place, as_vector
 from dart_skill.common.configuration import node_parameters
 from dart_skill.recording import HAND
 from dart_skill.simulation import (
@@ -34,11 +35,13 @@ from dart_skill_nodes.comms.qos import CLOCK_QOS, FRAMES, POSES
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode
 from dart_skill_nodes.comms.seen_in_step import DELIVERED
 from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, autostart, run
-from dart_skill_nodes.process.parameters import declare, declare_bodies, skill_of
+from dart_skill_nodes.process.parameters import declare, declare_bodies, declare_row, skill_of
 
 STEP_NS = PlantSettings().step_ns
-FIELDS = ("position", "look_at")
-"""What is said of each camera."""
+CAMERAS = "cameras"
+"""Their parameters are below this name."""
+FIELDS = {"position": "place of camera", "look_at": "a point that is looked at by camera"}
+"""What is said of each camera, and what that is."""
 Capsules = tuple[np.ndarray, ...]
 Bodies = dict[str, tuple[np.ndarray, np.ndarray]]
 """Positions (3,) [m] and quaternions (4,) by role."""
@@ -49,6 +52,17 @@ def _board(bull: tuple[float, float, float]) -> Board:
     return Board(bull)
 
 
+def _check_cameras(parameters) -> SetParametersResult:
+    """A place of a camera that is none is refused."""
+    try:
+        for one in parameters:
+            if one.name.startswith(f"{CAMERAS}."):
+                as_vector(one.value, one.name, 3)
+    except ValueError as error:
+        return SetParametersResult(successful=False, reason=str(error))
+    return SetParametersResult(successful=True)
+
+
 class MockOptitrack(GuardedLifecycleNode):
     """Camera system as a managed node; it configures and activates itself unless `autostart` is
     false.
@@ -56,8 +70,6 @@ class MockOptitrack(GuardedLifecycleNode):
 
     def __init__(self):
         super().__init__("mock_optitrack")
-        for name, default in (("autostart", True), ("seed", 0)):
-            self.declare_parameter(name, default)
         self.p = declare(self, "mock_optitrack")
         skill = skill_of(self)
         self._tells_deliveries = skill.watched
@@ -70,21 +82,23 @@ class MockOptitrack(GuardedLifecycleNode):
         self._published, self._lost = {}, {}
         self._active, self._frame_ns, self._episode = False, 0, None
         self._newest, self._clock_ns, self._delivered = {}, 0, None
-        if self.get_parameter("autostart").value:
+        if self.p["autostart"]:
             autostart(self)
 
     def _declare_cameras(self) -> None:
         """The places of the cameras as parameters, with dots in their names."""
+        self.add_on_set_parameters_callback(_check_cameras)
         known = node_parameters("optitrack.yaml", "mock_optitrack")["cameras"]
         for name in self.p["camera_names"]:
-            for field in FIELDS:
+            for field, about in FIELDS.items():
+                row = {"about": f"{about} {name} [m]", "changes": "unconfigured"}
                 default = known.get(name, {}).get(field, [0.0, 0.0, 1.0])
-                self.declare_parameter(f"cameras.{name}.{field}", default)
+                declare_row(self, f"{CAMERAS}.{name}.{field}", row, default)
 
     def _cameras(self) -> dict:
         return {
             name: {
-                field: list(self.get_parameter(f"cameras.{name}.{field}").value)
+                field: list(self.get_parameter(f"{CAMERAS}.{name}.{field}").value)
                 for field in FIELDS
             }
             for name in self.p["camera_names"]

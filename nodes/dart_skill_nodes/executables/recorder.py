@@ -14,14 +14,14 @@ from rclpy.lifecycle import TransitionCallbackReturn
 
 from dart_skill.recording import LogTime, types_for
 from dart_skill.recording.bags import PlaybackSelection
-from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
+from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink, free_folder
 from dart_skill_nodes.comms.conversions import leading_stamp_ns
 from dart_skill_nodes.comms.for_viewers import TfMessages
 from dart_skill_nodes.comms.names import CLOCK, namespace_of
 from dart_skill_nodes.comms.qos import WALL, message_class
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
 from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, autostart, run
-from dart_skill_nodes.process.parameters import declare
+from dart_skill_nodes.process.parameters import declare, values_of
 
 LOOK = 0.5
 """New topics are looked for so often [s, wall clock]."""
@@ -38,23 +38,23 @@ class Recorder(BagKeeper):
     def __init__(self):
         super().__init__("recorder")
         self.p = declare(self, "recorder")
-        self.declare_parameter("autostart", True)
         self._bag, self._messages, self._tf, self._active = None, None, None, False
         self._diagnostics = Diagnostics(self, self._describe)
-        if self.get_parameter("autostart").value:
+        if self.p["autostart"]:
             autostart(self)
 
     # life cycle
 
     def on_configure(self, state) -> TransitionCallbackReturn:
+        self.p = values_of(self, self.p)
         self._selection = PlaybackSelection(self.p["topics"], self.p["exclude"])
         notes = dict(_pair(text) for text in self.p["notes"])
-        path = Path(self.p["bag"] or f"recording_{datetime.now():%Y_%m_%d-%H_%M_%S}")
+        named = self.p["bag"] or f"recording_{datetime.now():%Y_%m_%d-%H_%M_%S}"
         limits = {
             "max_bytes": round(self.p["max_megabytes"] * 1e6),
             "max_duration_ns": round(self.p["max_minutes"] * 60e9),
         }
-        self._bag = BagSink(self, path, notes, **limits)
+        self._bag = BagSink(self, free_folder(Path(named)), notes, **limits)
         self._kept, self._made, self._refused = set(), set(), {}
         self._simulated, self._log_time, self._early = (
             self.get_parameter("use_sim_time").value,

@@ -21,6 +21,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from dart_skill.arm import load_registration
 from dart_skill.common import palette
+from dart_skill.common.words import counted
 from dart_skill.recording import (
     Marks,
     check_known,
@@ -29,14 +30,14 @@ from dart_skill.recording import (
     read_dropped,
 )
 from dart_skill.skills.learning import NoPlan, Unreachable, component_ellipsoids
-from dart_skill.skills.practice import Learner, Lesson, Standing
+from dart_skill.skills.practice import TEACH, Learner, Lesson, Standing
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.for_viewers import marker_colour
 from dart_skill_nodes.comms.names import DEMONSTRATIONS, MARKS
 from dart_skill_nodes.comms.qos import LATCHED, NEWEST, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import OK, Diagnostics, run
-from dart_skill_nodes.process.parameters import declare, skill_of
+from dart_skill_nodes.process.parameters import declare, skill_of, values_of
 
 COLOURS = tuple(marker_colour(colour, 0.45) for colour in palette.GAUSSIANS)
 """Colours of the product of the frames, and of the frames."""
@@ -73,7 +74,7 @@ class SkillLearner(GuardedNode):
         self._diagnostics = Diagnostics(self, self._describe)
 
     def _parameters_now(self) -> dict[str, Any]:
-        return {name: self.get_parameter(name).value for name in self.p}
+        return values_of(self, self.p)
 
     def _on_demonstration(self, message: Demonstration) -> None:
         one = self._checked(message)
@@ -81,7 +82,7 @@ class SkillLearner(GuardedNode):
         self._learner.expect(one)
 
     def _checked(self, message: Demonstration) -> Any:
-        self._check_frame(message.id, message)
+        self._check_frame(message.id or "the demonstration", message)
         return demonstration_from_message(message, self._skill.name)
 
     def _check_frame(self, what: str, message) -> None:
@@ -141,7 +142,9 @@ class SkillLearner(GuardedNode):
             self._status(one, request.configuration, compared) for one in self._heard.values()
         ]
         dropped = sum(one.dropped for one in response.demonstrations)
-        response.message = f"{len(self._heard)} demonstrations, {dropped} of them dropped"
+        response.message = (
+            f"{counted(len(self._heard), 'demonstration')}, {dropped} of them dropped"
+        )
 
     def _status(
         self, one: Any, configuration: str, compared: dict[str, Standing]
@@ -177,7 +180,8 @@ class SkillLearner(GuardedNode):
 
     def _on_plan(self, request, response):
         try:
-            self._check_frame("the situation", request)
+            if request.header.frame_id:
+                self._check_frame("the situation", request)
             asked = conversions.asked(request.situation, self._skill)
             planned = self._learner.plan(asked, request.explore)
         except ValueError as error:
@@ -188,7 +192,7 @@ class SkillLearner(GuardedNode):
 
     def _on_add_trial(self, request, response):
         response.left = [float("nan")] * 2
-        self._check_learned("call ~/learn, or ~/load a model, before trials are added")
+        self._check_learned(TEACH)
         plan = None
         if self._learner.needs_plan and request.plan.trajectory.points:
             plan = conversions.throw_plan(request.plan, self._skill)

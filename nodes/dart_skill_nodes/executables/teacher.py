@@ -23,7 +23,12 @@ from dart_skill.recording import HAND
 from dart_skill_nodes.arm.guiding import SHOWINGS, Hands, PointerShowing
 from dart_skill_nodes.arm.lesson import Lesson
 from dart_skill_nodes.client.service_calls import ServiceCalls
-from dart_skill_nodes.comms.coroutines import CoroutineActionServer, finish_by_success, pause
+from dart_skill_nodes.comms.coroutines import (
+    CoroutineActionServer,
+    finish_by_success,
+    pause,
+    say_why_it_ended,
+)
 from dart_skill_nodes.comms.joint_states import StateReader, TimeOfTheArm, hear_joint_states
 from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, pose_topic
 from dart_skill_nodes.comms.presence import Cameras, publishers, subscribers
@@ -165,14 +170,15 @@ class TeacherNode(GuardedNode):
             await self._lesson.give(goal_handle, result)
         except (GraphFailure, ValueError) as error:
             result.success, result.message = False, str(error)
-            self.get_logger().error(f"the lesson ends: {error}")
-            await self._brake()
+            say_why_it_ended(self, goal_handle, f"the lesson ends: {error}")
+            if self._lesson.begun:
+                await self._brake()
         finally:
             if self._seen is not None:
                 self._seen.end()
             # as it was found: a client that does not hold the world has the next goal carried out
             with suppress(GraphFailure):
-                if not self._needed[0].gone:
+                if self._lesson.begun and not self._needed[0].gone:
                     await self._lesson.set_anew(paused=was_held)
             self._goal, self._hands.showing = None, self._person
             self._hands.let_go()

@@ -151,6 +151,7 @@ class Viewer(GuardedNode):
             return
         if message.header.frame_id == self.p["frame_id"]:
             self._demonstrations[message.id], self._new_demonstration = shown, True
+            self._panel.count_shown(len(self._demonstrations))
             if self._lesson is not None:
                 self._lesson.heard()
 

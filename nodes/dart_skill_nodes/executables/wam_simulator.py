@@ -227,7 +227,8 @@ class WamSimulator(GuardedNode):
         fault = fault or self._left
         strangers = self._answers.strangers
         level = ERROR if fault else WARN if strangers else OK
-        text = "paused" if self._paused else "resting" if self._pace.rests else "running"
+        rests = f"resting: {1.0 / RESTING:.0f} states a second, until somebody asks for something"
+        text = "paused" if self._paused else rests if self._pace.rests else "running"
         message = fault or text
         if strangers:
             message += f"; {', '.join(strangers)}: it is not obeyed, end it"

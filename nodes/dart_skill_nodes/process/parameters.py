@@ -6,7 +6,7 @@ import inspect
 import math
 import sys
 from collections.abc import Callable, Iterable
-from functools import cache
+from functools import cache, partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -22,10 +22,13 @@ from rclpy.utilities import remove_ros_args
 
 from dart_skill.common.configuration import described_parameters, node_parameters
 from dart_skill.common.world import the_world
+from dart_skill_nodes.comms.refusals import GuardedLifecycleNode
 
 if TYPE_CHECKING:
     from dart_skill.skills.protocol import Skill
 
+UNCONFIGURED = "while the node is not configured"
+"""When a parameter may be changed that a managed node reads when it is configured."""
 FILES = {"mock_optitrack": "optitrack.yaml"}
 """Files of values that are not called as their node."""
 
@@ -33,8 +36,9 @@ FILES = {"mock_optitrack": "optitrack.yaml"}
 @cache
 def described(section: str) -> dict[str, dict[str, Any]]:
     """By name, what each parameter of a node is: `about`, a description; where it has one, the
-    `range` of a number; `changes`, if it may be changed while the node runs. Empty for a node
-    without parameters of its own.
+    `range` of a number; `changes`, if it may be changed while the node runs: true, or
+    `unconfigured` for what a managed node reads when it is configured. Empty for a node without
+    parameters of its own.
 
     section: name of the executable; "limits": those that several nodes share.
     """
@@ -47,6 +51,8 @@ def declare(node: Node, section: str) -> dict[str, Any]:
     values in force. A node that was given another name has those of the file's own section.
     """
     node.add_on_set_parameters_callback(_refuse_what_is_not_finite)
+    if isinstance(node, GuardedLifecycleNode):
+        node.add_on_set_parameters_callback(partial(_refuse_what_is_read, node))
     file = FILES.get(section, f"{section}.yaml")
     try:
         defaults = node_parameters(file, node.get_name())
@@ -54,8 +60,13 @@ def declare(node: Node, section: str) -> dict[str, Any]:
         defaults = node_parameters(file, section)
     rows = described(section)
     for name, row in rows.items():
-        _declare_row(node, name, row, defaults[name])
-    return {name: node.get_parameter(name).value for name in rows}
+        declare_row(node, name, row, defaults[name])
+    return values_of(node, rows)
+
+
+def values_of(node: Node, names: Iterable[str]) -> dict[str, Any]:
+    """Values of parameters of a node, as they are now."""
+    return {name: node.get_parameter(name).value for name in names}
 
 
 def declare_bodies(node: Node, roles: Iterable[str]) -> dict[str, str]:
@@ -64,7 +75,7 @@ def declare_bodies(node: Node, roles: Iterable[str]) -> dict[str, str]:
     """
     for role in roles:
         row = {"about": f"tracked body that is the {role}"}
-        _declare_row(node, f"{role}_body", row, the_world().body(role))
+        declare_row(node, f"{role}_body", row, the_world().body(role))
     return {role: node.get_parameter(f"{role}_body").value for role in roles}
 
 
@@ -74,7 +85,7 @@ def skill_of(node: Node) -> "Skill":
     that there is not.
     """
     (row,) = described("skill").items()
-    _declare_row(node, *row, "")
+    declare_row(node, *row, "")
     given = node.get_parameter(row[0]).value
     try:
         changes = yaml.safe_load(given) if given else {}
@@ -87,8 +98,11 @@ def skill_of(node: Node) -> "Skill":
     return load_skill(node.get_parameter("skill").value, changes=changes)
 
 
-def _declare_row(node: Node, name: str, row: dict[str, Any], default) -> None:
-    descriptor = ParameterDescriptor(description=row["about"], read_only=not row.get("changes"))
+def declare_row(node: Node, name: str, row: dict[str, Any], default) -> None:
+    """Declare a parameter. row: what it is, as `described` has it."""
+    changes = row.get("changes")
+    descriptor = ParameterDescriptor(description=row["about"], read_only=not changes)
+    descriptor.additional_constraints = UNCONFIGURED if changes == "unconfigured" else ""
     low, high = row.get("range", (None, None))
     if low is not None and isinstance(default, float):
         descriptor.floating_point_range = [
@@ -111,13 +125,32 @@ def _refuse_what_is_not_finite(parameters) -> SetParametersResult:
     return SetParametersResult(successful=True)
 
 
+def _refuse_what_is_read(node: GuardedLifecycleNode, parameters) -> SetParametersResult:
+    """A parameter that counts when a node is configured is refused while it is."""
+    for name in (one.name for one in parameters):
+        if (
+            node.is_configured
+            and node.has_parameter(name)
+            and node.describe_parameter(name).additional_constraints == UNCONFIGURED
+        ):
+            reason = f"{name} is read when the node is configured: deactivate it and clean it up"
+            return SetParametersResult(successful=False, reason=reason)
+    return SetParametersResult(successful=True)
+
+
 def heed_arguments(make_nodes: Callable[[], list[Node]], program: str) -> None:
     """Print the help of a program and end it, where it is asked for; end it with status 2 and a
     line for what it does not take.
 
     make_nodes: of the module whose text the help has.
     """
-    given = remove_ros_args(sys.argv)[1:]
+    try:
+        given = remove_ros_args(sys.argv)[1:]
+    except RuntimeError as error:
+        # of rcl, whose text ends with places in its source
+        why = str(error).removeprefix("Failed to parse ROS arguments: ").split(", at /")[0]
+        print(f"{program}: {why}", file=sys.stderr)
+        raise SystemExit(1) from None
     if {"-h", "--help"} & set(given):
         print(_help_text(program, inspect.getmodule(make_nodes)))
         raise SystemExit(0)

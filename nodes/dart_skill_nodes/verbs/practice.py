@@ -23,7 +23,8 @@ from dart_skill.cli.run_options import (
     check_run,
     parameter_texts,
 )
-from dart_skill.common.world import THROW
+from dart_skill.common.words import counted
+from dart_skill.common.world import THROW, the_world
 from dart_skill_nodes.process.graph_processes import Graph, GraphFailure
 from dart_skill_nodes.verbs.on_graph import (
     PATIENCE,
@@ -233,7 +234,12 @@ def _test(client: "GraphClient", when: str, after: int, throws: int, where: dict
     """
     from dart_skill.skills.protocol import load_skill
 
-    say(f"test {when}: {throws} throws, from which nothing is learned")
+    world = the_world()
+    free = 100.0 * (world.basket_radius - 0.5 * world.ball_diameter)
+    say(
+        f"test {when}: {counted(throws, 'throw')}, from which nothing is learned; farther than"
+        f" {free:.1f} cm from the middle the ball meets the rim"
+    )
     result, made = practise(
         client, load_skill(THROW), throws, "test throw", **where, only_throw=True
     )

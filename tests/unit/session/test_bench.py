@@ -83,6 +83,17 @@ class Gap:
         return self.commander.step(state)
 
 
+def test_a_part_that_is_not_where_the_hand_takes_it_is_not_planned_for(taught):
+    """With the part in its holder already, an empty hand went through the motion, and the outcome
+    was a success.
+    """
+    session, learned, _, rng = taught
+    seen = session.situation(session.skill.draw(rng).pose("holder"))
+    there = session.skill.goal(seen)
+    with pytest.raises(ValueError, match=r"the part is 0\.\d+ m from where the hand takes it"):
+        learned.plan(seen.moved("part", there))
+
+
 @pytest.mark.parametrize("gap", [0.15, 0.38])
 def test_a_short_gap_in_the_states_makes_a_careful_motion_wait(taught, gap):
     session, learned, _, rng = taught

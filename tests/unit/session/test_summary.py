@@ -167,10 +167,10 @@ def test_throws_in_a_line_say_how_many_landings_were_seen(throws, said):
     ("skill", "result", "said"),
     [
         ("throw", throw(0.012), "in, 1.2 cm"),
-        ("throw", throw(None, False, message="stopped"), "out, landing not seen stopped"),
+        ("throw", throw(None, False, message="stopped"), "out, stopped"),
         ("place", TRIALS[0], "done, 1.0 mm"),
         ("place", TRIALS[1], "failed, 30.0 mm it jammed"),
-        ("place", TRIALS[2], "failed, not seen stopped by ~/stop"),
+        ("place", TRIALS[2], "failed, stopped by ~/stop"),
     ],
 )
 def test_a_trial_is_told_in_the_words_of_its_skill(skill, result, said):

@@ -251,6 +251,9 @@ def test_seat_and_release_scatter_as_set_and_are_the_same_again(plants):
         ({"joint_stiffness": (100.0,) * 6 + (0.0,)}, "positive for all joints, or 0 for all"),
         ({"mass_scale": (1.0,) * 6}, "not 7 finite numbers"),
         ({"mass_scale": (-1.0,) * 7}, "must be positive"),
+        ({"mass_scale": (1e308,) * 7}, "10 at most"),
+        ({"joint_stiffness": (1e308,) * 7}, "above 1e"),
+        ({"joint_offset": (1e308,) * 7}, "more than half a turn"),
         ({"joint_offset": (np.nan,) * 7}, "not 7 finite numbers"),
     ],
 )

@@ -16,6 +16,7 @@ from dart_skill.simulation import (
     Workbench,
     make_world,
 )
+from dart_skill.skills.protocol import load_skill
 
 HOLDER = np.array([0.6, 0.1, 1.18]), np.array([0.0, 0.0, 0.0, 1.0])
 
@@ -178,6 +179,17 @@ def test_bodies_are_put_where_somebody_says_and_others_are_refused_by_name(bench
     for refuse in (lambda: plant.put("basket", *there), lambda: plant.set_up({"part": there})):
         with pytest.raises(ValueError, match="this world can put the holder somewhere, not"):
             refuse()
+
+
+def test_a_holder_that_nobody_has_put_anywhere_stands_on_the_table():
+    """It stood below, where each placing failed."""
+    own = load_skill("place").world_settings
+    for bench in (Bench(), Bench(**own)):
+        plant = Workbench(bench, PlantSettings())
+        plant.set_up({})
+        standing = plant.bodies["holder"][0][2] - plant.bench.wall - plant.table
+        plant.close()
+        assert abs(standing) < 1e-3
 
 
 def test_the_world_knows_what_is_held_and_whether_the_part_is_in(bench):

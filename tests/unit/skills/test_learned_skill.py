@@ -252,9 +252,7 @@ def test_demonstrations_whose_fingers_do_different_things_are_named(demonstratio
 
 
 def test_too_few_demonstrations_are_too_few(demonstrations):
-    with pytest.raises(
-        ValueError, match="1 demonstrations are too few for 'touch': record at least 2"
-    ):
+    with pytest.raises(ValueError, match="only 1 demonstration of 'touch': record at least 2"):
         LearnedSkill(Touch(), demonstrations[:1])
 
 
@@ -546,5 +544,5 @@ def test_a_number_that_cannot_be_chosen_is_said(demonstrations):
         ValueError, match="choose_components is 'aic': give bic, cross_validation, or nothing"
     ):
         choose_components(touch(), demonstrations, "aic")
-    with pytest.raises(ValueError, match="2 demonstrations are too few to leave out each once"):
+    with pytest.raises(ValueError, match="only 2 demonstrations to leave out each once"):
         choose_components(touch(), demonstrations[:2], "cross_validation")

@@ -2,15 +2,24 @@
 skills that are not throws, darts, place or reach.
 """
 
+import re
 from dataclasses import replace
 from importlib import metadata
 
 import numpy as np
 import pytest
 
+from dart_skill.arm import the_arm, unfollowable
 from dart_skill.common.fleet import arm_with, of_nodes, skill_settings
 from dart_skill.recording import HAND
-from dart_skill.skills.learning import EqualIntervals, LearnedSkill, OnManifold, learn, save_model
+from dart_skill.skills.learning import (
+    EqualIntervals,
+    LearnedSkill,
+    NoPlan,
+    OnManifold,
+    learn,
+    save_model,
+)
 from dart_skill.skills.practice import BootstrapPractice, Learner, Practice, PracticeSettings
 from dart_skill.skills.protocol import (
     Part,
@@ -23,7 +32,7 @@ from dart_skill.skills.protocol import (
     part_of,
 )
 from dart_skill.skills.throw import Throw
-from tests.unit.skills.task_demonstrations import GRIP, draw_body, show, situation_of
+from tests.unit.skills.task_demonstrations import GRIP, body_at, draw_body, show, situation_of
 
 
 class Touch(Skill):
@@ -287,3 +296,15 @@ def test_a_throw_brings_a_representation_of_its_own(demonstrations, learned):
     target = demonstrations[0].target
     assert model.mixture(target).means_.shape[0] == 5
     assert np.linalg.norm(model.plan(target).thrown.landing - target) < 0.01
+
+
+def test_a_plan_that_the_joints_cannot_follow_is_none(shown):
+    """The wrist ran to the end of its range, at more than its motor can."""
+    ranges, motors = "ranges do not let the hand follow", r"turns \w+ at .* its motor makes"
+    learner = Learner(touch(), parameters)
+    learner.learn(shown[:4])
+    plan = learner.plan(situation_of(body_at(0.6, 0.1, 0.0))).plan
+    with pytest.raises(NoPlan, match=f"({ranges}|{motors}).*: choose a situation nearer to what"):
+        learner.plan(situation_of(body_at(0.6, 0.6, 0.0)))
+    hasty = replace(plan, path=replace(plan.path, time=0.1 * plan.path.time), end=0.1 * plan.end)
+    assert re.search(motors, unfollowable(hasty, the_arm()))

@@ -250,7 +250,7 @@ def test_where_too_few_can_be_read_all_reasons_are_told(demonstrations):
         changed_throw(one, id=f"broken_{k}", hand_position=one.hand_position + [0.0, 0.0, 0.5])
         for k, one in enumerate(demonstrations[:3])
     ]
-    with pytest.raises(ValueError, match="1 demonstrations are too few.*broken_0.*broken_1"):
+    with pytest.raises(ValueError, match="only 1 demonstration.*broken_0.*broken_1"):
         TrialMemory([demonstrations[3], *broken[:2]]).learn()
 
 

@@ -316,7 +316,7 @@ def test_what_cannot_be_learned_from_is_named(demonstrations):
         "truck": Track(truck.time[:200], truck.position[:200], truck.quaternion[:200]),
     }
     cases = [
-        ([one], "1 demonstrations are too few for 'follow'"),
+        ([one], "only 1 demonstration of 'follow'"),
         (
             [one, without(one, tracks={"hand": one.tracks["hand"]})],
             "demonstration odd: the truck was never seen",

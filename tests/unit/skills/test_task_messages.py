@@ -291,6 +291,22 @@ def test_a_throw_is_judged_by_where_the_ball_came_down(past, success):
     assert not silent.success and "never told to open" in silent.reason
 
 
+@pytest.mark.parametrize(
+    ("ball", "said"),
+    [([2.0, 0.0, 0.1], "the ball was not in the hand"), ([0.5, 0.1, 1.2], "was not seen")],
+)
+def test_why_nobody_saw_a_ball_land_is_said(ball, said):
+    """An empty hand was executed without a word."""
+    throw, ns = Throw(), 10_000_000
+    log = throw.sensor_log()
+    for k in range(100):
+        log.take("hand", k * ns, np.array([0.5, 0.0, 1.3]), np.array([0.0, 0.0, 0.0, 1.0]))
+        log.take("ball", k * ns, np.array(ball), np.array([0.0, 0.0, 0.0, 1.0]))
+    asked = throw.at(np.array([2.0, 0.0, 0.4]))
+    outcome, _ = throw.outcome(log, asked, 50 * ns, 99 * ns, 200 * ns)
+    assert not outcome.success and said in outcome.reason
+
+
 def test_baskets_are_drawn_from_the_region():
     rng = np.random.default_rng(3)
     for _ in range(20):

@@ -404,10 +404,10 @@ def test_learning_uses_only_what_was_recorded(taught, demonstrations, new_plan):
 
 def test_one_demonstration_is_too_few(demonstrations):
     with pytest.raises(
-        ValueError, match=f"1 demonstrations are too few: record at least {LEAST_DEMONSTRATIONS}"
+        ValueError, match=f"only 1 demonstration: record at least {LEAST_DEMONSTRATIONS}"
     ):
         learn_throwing(demonstrations[:1])
-    with pytest.raises(ValueError, match="0 demonstrations are too few"):
+    with pytest.raises(ValueError, match="only 0 demonstrations"):
         learn_throwing([])
 
 
@@ -778,5 +778,5 @@ def test_what_cannot_be_compared_is_said(demonstrations):
         ValueError, match="'weighted' has a model for each target, and BIC compares nothing"
     ):
         choose_components(skill.named("weighted"), demonstrations, "bic")
-    with pytest.raises(ValueError, match="2 demonstrations are too few to leave out each once"):
+    with pytest.raises(ValueError, match="only 2 demonstrations to leave out each once"):
         choose_components(skill, demonstrations[:2], "cross_validation")

@@ -473,6 +473,8 @@ def test_a_click_takes_the_sliders_with_it_and_cuts_what_no_slider_says(page, as
 
 def test_only_stopping_is_possible_while_something_is_under_way(page, scene):
     starting = ("Teach", "Learn", "Throw", "Practise")
+    scene.panel.count_shown(2)
+    scene.panel.welcome_a_model()
     scene.panel.set_busy(True)
     page.wait_for(
         lambda: all(page.is_disabled(label) for label in starting), what="disabled buttons"
@@ -482,6 +484,34 @@ def test_only_stopping_is_possible_while_something_is_under_way(page, scene):
     page.wait_for(
         lambda: not any(page.is_disabled(label) for label in starting), what="enabled buttons"
     )
+
+
+def test_buttons_are_off_until_they_can_work(page, scene):
+    def off():
+        labels = ("Teach", "Learn", "Throw", "Practise", "Reset after a stop")
+        return [label for label in labels if page.is_disabled(label)]
+
+    page.wait_for(
+        lambda: off() == ["Learn", "Throw", "Practise", "Reset after a stop"], what="off"
+    )
+    scene.panel.count_shown(2)
+    page.wait_for(lambda: off() == ["Throw", "Practise", "Reset after a stop"], what="Learn")
+    scene.panel.welcome_a_model()
+    page.wait_for(lambda: off() == ["Reset after a stop"], what="Throw and Practise")
+    stopped = view.NodeStatus("commander", 1, "holding, stopped: call /commander/reset")
+    scene.panel.show_nodes([stopped])
+    page.wait_for(lambda: off() == [], what="Reset")
+    scene.panel.show_nodes([view.NodeStatus("commander", 0, "holding")])
+    page.wait_for(lambda: off() == ["Reset after a stop"], what="no Reset")
+
+
+def test_what_a_page_cannot_have_sent_costs_its_connection_and_a_line(page, caplog):
+    """It wrote a traceback, as if something of ours had failed."""
+    page.send_bytes(bytes([0, 255, 19]))
+    with pytest.raises(ConnectionClosed):
+        page.wait_for(lambda: False, limit=20.0)
+    assert "a connection to the page was closed: DecodeError: MessagePack" in caplog.text
+    assert "Traceback" not in caplog.text
 
 
 def test_knobs_are_numbers_of_a_node_and_a_change_is_asked_for(page, asked, scene):
