@@ -632,6 +632,12 @@ TYPED = {
     "dart-skill experiment reach --jobs 2": Run(
         "--seeds 1 --cups 1 --demonstrations 3 --held 1", says="the phase goes on by", slow=True
     ),
+    "dart-skill experiment throws --arms panda --seeds 5": Run(
+        "--seeds 1 --demonstrations 5 --throws 1", says="default .* 1/1", slow=True
+    ),
+    "dart-skill experiment reach --arm iiwa7 --seeds 1": Run(
+        "--cups 1 --demonstrations 3 --held 1", says="the phase goes on by", slow=True
+    ),
     "dart-skill experiment place --arm iiwa7 --seeds 1": Run(
         "--parts 1 --demonstrations 3", says="of 1 parts are in their holders", slow=True
     ),
