@@ -33,7 +33,8 @@ class DSGMRConfig(PreTrainedConfig):
     n_steps
         Of "per_step", and of elements that are no coordinates.
     covariance_prior
-        So many demonstrations it takes to believe that one direction varies less than another.
+        So many demonstrations it takes to believe that one direction varies less than another; not
+        for a pose that "dsgmr" learns.
     frames
         Task frames of a pose (`task_model.frames_of`): "start", "world", the name of a body,
         "azimuth:BODY", "target:BODY". Default, none: "start" and every body that is seen.

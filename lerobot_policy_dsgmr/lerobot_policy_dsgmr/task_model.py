@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from dart_skill.common.constants import UNTURNED
 from dart_skill.common.situation import Pose
 from dart_skill.movement import DSGMR, PerStepGaussians, TaskFrame, azimuth_of, turn_about_z
 from dart_skill.movement.pose import PerStepPoses, PoseDSGMR, PoseFrame
@@ -134,7 +135,7 @@ def frames_of(
             raise ValueError(f"there is no frame '{name}': there are {there}")
         pose = bodies[body]
         if kind:
-            turned = turn_about_z(azimuth_of(pose.position))
+            turned = turn_about_z([UNTURNED], azimuth_of(pose.position))[0]
             pose = Pose(pose.position if kind == "target" else np.zeros(3), turned)
         elif held and body != held:
             pose = pose.place(bodies[held].sees(start))
@@ -196,9 +197,11 @@ class TaskModel:
     def _new(self, part: Part) -> Any:
         s = self.settings
         kind = CLASSES.get((s.model, part.kind), PerStepGaussians)
-        if kind in (PoseDSGMR, DSGMR):
-            options = {"partition": "time", "covariance_prior": s.covariance_prior}
-            return kind(s.n_components, s.stiffness, **options)
+        if kind is PoseDSGMR:
+            return PoseDSGMR(s.n_components, s.stiffness)
+        if kind is DSGMR:
+            prior = s.covariance_prior
+            return DSGMR(s.n_components, s.stiffness, partition="time", covariance_prior=prior)
         return kind(s.n_steps, covariance_prior=s.covariance_prior)
 
     def _frames(self, part: Part, state: np.ndarray, environment: np.ndarray) -> list[Any]:
