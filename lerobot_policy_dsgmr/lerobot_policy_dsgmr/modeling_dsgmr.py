@@ -188,8 +188,11 @@ class DSGMRPolicy(PreTrainedPolicy):
 def _rows(batch: dict[str, Tensor]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """State, environment and action (n, .) of a batch; those that are missing have no elements."""
     nothing = torch.zeros((len(batch[STATE]), 0))
-    found = (batch.get(key, nothing) for key in (STATE, ENVIRONMENT, ACTION))
-    state, environment, action = (one.detach().cpu().double().numpy() for one in found)
+    # an observation alone comes with None for its action
+    found = (batch.get(key) for key in (STATE, ENVIRONMENT, ACTION))
+    state, environment, action = (
+        (nothing if one is None else one).detach().cpu().double().numpy() for one in found
+    )
     return state, environment, action
 
 
