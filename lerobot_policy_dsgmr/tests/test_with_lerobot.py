@@ -35,7 +35,8 @@ STATE, ENVIRONMENT = "observation.state", "observation.environment_state"
 
 def typed(main, *options):
     """What a command of lerobot does with options."""
-    before, sys.argv = sys.argv, ["lerobot", *options]
+    before = sys.argv
+    sys.argv = ["lerobot", *options]
     try:
         main()
     finally:
