@@ -6,6 +6,7 @@ is in the next frame, and whether it opens. What is observed is laid out as in a
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -82,8 +83,8 @@ class PoseGuide:
         self._from = self._to = start
         self._told_at = -period
         self._grip, self._grip_at = (Grip.CLOSE if carries else Grip.UNSPECIFIED), -CLOSED
-        damping = critical_damping(STIFFNESS)
-        self._lead = float(damping / STIFFNESS)
+        damping = float(critical_damping(STIFFNESS))
+        self._lead = damping / STIFFNESS
         self._gains = PoseGains.of((STIFFNESS, damping), (STIFFNESS, damping))
         self._now = 0.0
 
@@ -248,11 +249,14 @@ class SteppedThrow(Stepped, Session):
         return self.plant.state.ball_in_basket
 
 
-STEPPED = {"place": SteppedBench, "throw": SteppedThrow}
+STEPPED: dict[str, Callable[[Skill, int], Stepped]] = {
+    "place": SteppedBench,
+    "throw": SteppedThrow,
+}
 """Worlds by the name of their skill."""
 
 
-def stepped(skill: Skill, seed: int = 0) -> SteppedBench | SteppedThrow:
+def stepped(skill: Skill, seed: int = 0) -> Stepped:
     """The world of a skill, to be stepped frame by frame.
 
     Parameters

@@ -220,7 +220,8 @@ def frames_of(
     if action == "pose":
         told = _next(hand[:, :POSE])
     elif shown.commands:
-        told = sum(_command_rows(one, stream, frames, fps) for stream in shown.commands)
+        rows = [_command_rows(one, stream, frames, fps) for stream in shown.commands]
+        told = np.sum(rows, axis=0)
     else:
         told = _next(position)
     found[ACTION] = np.column_stack([told, _openness(one, frames, fps)])

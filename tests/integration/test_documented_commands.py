@@ -490,6 +490,14 @@ TYPED = {
     "lerobot-train --policy.type=dsgmr --dataset.repo_id=local/throws --dataset.root=throws --steps=31 --batch_size=64 --output_dir=trained": WITH_LEROBOT,
     "lerobot-eval --policy.path=trained/checkpoints/last/pretrained_model --env.type=dart --env.task=throw --eval.n_episodes=10 --eval.batch_size=1": WITH_LEROBOT,
     "~/lerobot/bin/python -P -m pytest lerobot_policy_dsgmr/tests": WITH_LEROBOT,
+    "dart-skill demo --skill place --layout in-process --demonstrations 50 --trials 1 --output place50": Run(
+        "--demonstrations 3", says="learned 'place' from 3", leaves="place50/summary.json", slow=True
+    ),
+    "dart-skill bag convert place50/bag --to lerobot --action pose --fps 20 --output place": Elsewhere(
+        "unit/session/test_lerobot.py::test_a_dataset_of_poses_teaches_the_same_throws"
+    ),
+    "lerobot-train --policy.type=dsgmr --policy.held=part --policy.frames=[start,holder] --dataset.episodes=[0,1,2,3,4] --dataset.repo_id=local/place --dataset.root=place --steps=15 --batch_size=64 --output_dir=five": WITH_LEROBOT,
+    "lerobot-eval --policy.path=five/checkpoints/last/pretrained_model --env.type=dart --env.fps=20 --env.episode_length=240 --eval.n_episodes=20 --eval.batch_size=1 --seed=0": WITH_LEROBOT,
     "lerobot-doctor check throws": WITH_LEROBOT,
     "lelint check ./throws --no-video": WITH_LEROBOT,
     "DART_SKILL_LEROBOT=~/lerobot/bin/python python3 -m pytest tests/unit/recording/test_lerobot.py": Elsewhere(
