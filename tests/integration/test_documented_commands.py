@@ -491,7 +491,10 @@ TYPED = {
     "lerobot-eval --policy.path=trained/checkpoints/last/pretrained_model --env.type=dart --env.task=throw --eval.n_episodes=10 --eval.batch_size=1": WITH_LEROBOT,
     "~/lerobot/bin/python -P -m pytest lerobot_policy_dsgmr/tests": WITH_LEROBOT,
     "dart-skill demo --skill place --layout in-process --demonstrations 50 --trials 1 --output place50": Run(
-        "--demonstrations 3", says="learned 'place' from 3", leaves="place50/summary.json", slow=True
+        "--demonstrations 3",
+        says="learned 'place' from 3",
+        leaves="place50/summary.json",
+        slow=True,
     ),
     "dart-skill bag convert place50/bag --to lerobot --action pose --fps 20 --output place": Elsewhere(
         "unit/session/test_lerobot.py::test_a_dataset_of_poses_teaches_the_same_throws"
