@@ -27,6 +27,7 @@ OF_LEROBOT = {
     "--video": "video",
     "--with-throws": "with_throws",
     "--without": "without",
+    "--action": "action",
 }
 
 
@@ -70,6 +71,11 @@ def add_to(verbs: argparse._SubParsersAction) -> None:
         action="store_true",
         help="also misses and the arm's own throws at baskets",
     )
+    text = (
+        "what a policy shall do: commands (default), what the arm was told, or pose, where the hand"
+        " is in the next frame"
+    )
+    group.add_argument("--action", choices=("commands", "pose"), help=text)
     text = (
         "leave this demonstration out; may be given several times (those that were dropped are"
         " left out anyway)"
@@ -159,7 +165,11 @@ def _to_lerobot(
 
         camera = SceneCamera
     fps = FPS if options.fps is None else options.fps
-    wanted = {"with_throws": options.with_throws, "without": options.without}
+    wanted = {
+        "with_throws": options.with_throws,
+        "without": options.without,
+        "action": options.action or "commands",
+    }
     tell_bag_faults(options.source, mapping)
     done = write_lerobot(options.source, output, mapping, fps=fps, camera=camera, **wanted)
     return _dataset_text(done, fps, output), {**asdict(done), "fps": fps, "path": str(output)}
@@ -170,7 +180,7 @@ def _dataset_text(done: ExportedDataset, fps: int, output: Path) -> str:
     lines.append(
         f"{len(done.ids)} episodes of '{done.skill}', {done.n_frames} frames at {fps} per second"
     )
-    if not done.has_commands:
+    if not done.has_commands and done.action == "commands":
         lines.append(
             "no commands were recorded: 'action' is where the joints are in the next frame"
         )

@@ -32,12 +32,16 @@ from dart_skill.session._session_bag import SessionBag as SessionBag
 from dart_skill.session._shown_in_recording import Shown as Shown
 from dart_skill.session._shown_in_recording import ShownSkill as ShownSkill
 from dart_skill.session._shown_in_recording import read_shown as read_shown
+from dart_skill.session._stepped import PoseGuide as PoseGuide
+from dart_skill.session._stepped import Stepped as Stepped
+from dart_skill.session._stepped import stepped as stepped
 from dart_skill.session._summary import RunSummary as RunSummary
 from dart_skill.session._summary import TrialResult as TrialResult
 from dart_skill.session._summary import error_quantile as error_quantile
 from dart_skill.session._summary import throws_in_a_line as throws_in_a_line
 from dart_skill.session._summary import write_summary as write_summary
 from dart_skill.session._throw_memory import ThrowMemory as ThrowMemory
+from dart_skill.session._to_lerobot import ACTIONS as ACTIONS
 from dart_skill.session._to_lerobot import FPS as FPS
 from dart_skill.session._to_lerobot import ExportedDataset as ExportedDataset
 from dart_skill.session._to_lerobot import PictureMaker as PictureMaker

@@ -1,7 +1,8 @@
 """Demonstrations of a recording as a dataset for LeRobot: an episode for each, at one frame rate.
 
 What stands where (docs/bags.md): observation.state has the joints and the pose of the hand,
-observation.environment_state the poses of the other bodies, action what the arm was told.
+observation.environment_state the poses of the other bodies, action what the arm was told, or where
+the hand went.
 """
 
 from __future__ import annotations
@@ -46,7 +47,13 @@ ENVIRONMENT = "observation.environment_state"
 ACTION = "action"
 """Feature of what the arm was told."""
 OPEN = "hand.open"
+POSE = 7
+"""Numbers of a pose, before `seen`."""
 PICTURES = "observation.images.scene"
+ACTIONS = ("commands", "pose")
+"""What an action may be: forces and torques that the arm was told, or the pose of the hand in the
+next frame. Both have `hand.open`.
+"""
 HOLD = 0.1
 """A command counts until the next one, for so long at most [s]: an arm that hears nothing stops.
 """
@@ -78,6 +85,8 @@ class ExportedDataset:
         Of the episodes.
     left_out
         Why, by id.
+    action
+        One of ACTIONS.
     """
 
     skill: str
@@ -85,6 +94,7 @@ class ExportedDataset:
     n_frames: int
     left_out: Mapping[str, str]
     has_commands: bool
+    action: str = "commands"
 
 
 def position_name(joint: str) -> str:
@@ -113,6 +123,7 @@ def write_lerobot(
     camera: Callable[[Skill], PictureMaker] | None = None,
     with_throws: bool = False,
     without: Sequence[str] = (),
+    action: str = "commands",
 ) -> ExportedDataset:
     """Write the demonstrations of a recording as a LeRobotDataset v3.0.
 
@@ -124,6 +135,8 @@ def write_lerobot(
         Frames per second.
     camera
         Makes pictures of a skill, which become a video. Others as those of `learn_from_bag`.
+    action
+        One of ACTIONS.
 
     Raises
     ------
@@ -132,6 +145,8 @@ def write_lerobot(
     """
     if not LOWEST_FPS <= fps <= HIGHEST_FPS:
         raise ValueError(f"fps is {fps}: give {LOWEST_FPS} to {HIGHEST_FPS}")
+    if action not in ACTIONS:
+        raise ValueError(f"action is '{action}': give {' or '.join(ACTIONS)}")
     shown = read_shown(source, mapping, with_throws=with_throws, without=without)
     if not all(len(one.joint_time) for one in shown.shown):
         raise ValueError(
@@ -140,9 +155,9 @@ def write_lerobot(
         )
     skill, maker = shown.skill, camera(shown.skill) if camera else None
     cameras = () if maker is None else (DatasetCamera(PICTURES, maker.width, maker.height),)
-    with DatasetWriter(output, fps, ROBOT_TYPE, features_of(shown), cameras) as dataset:
+    with DatasetWriter(output, fps, ROBOT_TYPE, features_of(shown, action), cameras) as dataset:
         for one in shown.shown:
-            frames = frames_of(one, shown, fps)
+            frames = frames_of(one, shown, fps, action)
             pictures = {} if maker is None else {PICTURES: _pictures(maker, shown.skill, frames)}
             dataset.add(skill.task or skill.name, frames, pictures)
     return ExportedDataset(
@@ -151,45 +166,71 @@ def write_lerobot(
         dataset.n_frames,
         shown.left_out,
         bool(shown.commands),
+        action,
     )
 
 
-def features_of(shown: ShownSkill) -> tuple[Feature, ...]:
-    """The vectors of each frame."""
+def features_of(shown: ShownSkill, action: str = "commands") -> tuple[Feature, ...]:
+    """The vectors of each frame.
+
+    Parameters
+    ----------
+    action
+        One of ACTIONS.
+    """
     joints = joint_names()
     state = (*map(position_name, joints), *map(velocity_name, joints), *pose_names(HAND))
     environment = tuple(name for role in shown.skill.bodies for name in pose_names(role))
-    if shown.commands:
+    if action == "pose":
+        told = pose_names(HAND)[:POSE]
+    elif shown.commands:
         hand = (
             *(f"force.{axis} [N]" for axis in "xyz"),
             *(f"torque.{axis} [N m]" for axis in "xyz"),
         )
-        action = (*hand, *(f"{joint}.torque [N m]" for joint in joints), OPEN)
+        told = (*hand, *(f"{joint}.torque [N m]" for joint in joints))
     else:
-        action = (*map(position_name, joints), OPEN)
+        told = tuple(map(position_name, joints))
     return tuple(
         Feature(key, names)
-        for key, names in ((STATE, state), (ENVIRONMENT, environment), (ACTION, action))
+        for key, names in ((STATE, state), (ENVIRONMENT, environment), (ACTION, (*told, OPEN)))
         if names
     )
 
 
-def frames_of(one: Shown, shown: ShownSkill, fps: int) -> dict[str, np.ndarray]:
-    """Vectors (n, k) of a demonstration, by feature."""
+def frames_of(
+    one: Shown, shown: ShownSkill, fps: int, action: str = "commands"
+) -> dict[str, np.ndarray]:
+    """Vectors (n, k) of a demonstration, by feature.
+
+    Parameters
+    ----------
+    action
+        One of ACTIONS.
+    """
     frames = frame_times(one.duration, fps)
     position = at_frames(one.joint_time, one.joint_position, frames)
     joints = np.hstack([position, at_frames(one.joint_time, one.joint_velocity, frames)])
-    found = {STATE: np.hstack([joints, _pose_rows(one, HAND, frames, fps)])}
+    hand = _pose_rows(one, HAND, frames, fps)
+    found = {STATE: np.hstack([joints, hand])}
     if shown.skill.bodies:
         found[ENVIRONMENT] = np.hstack(
             [_pose_rows(one, role, frames, fps) for role in shown.skill.bodies]
         )
-    if shown.commands:
-        told = sum(_command_rows(one, stream, frames, fps) for stream in shown.commands)
+    if action == "pose":
+        told = _next(hand[:, :POSE])
+    elif shown.commands:
+        rows = [_command_rows(one, stream, frames, fps) for stream in shown.commands]
+        told = np.sum(rows, axis=0)
     else:
-        told = np.vstack([position[1:], position[-1:]])  # where the joints are in the next frame
+        told = _next(position)
     found[ACTION] = np.column_stack([told, _openness(one, frames, fps)])
     return found
+
+
+def _next(rows: np.ndarray) -> np.ndarray:
+    """What rows (n, k) are in the next frame; the last one stays."""
+    return np.vstack([rows[1:], rows[-1:]])
 
 
 def _pose_rows(one: Shown, role: str, frames: np.ndarray, fps: int) -> np.ndarray:

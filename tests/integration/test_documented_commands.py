@@ -36,6 +36,7 @@ PAGES = {
 PROGRAMS = (
     "dart-skill", "ros2", "make", "pre-commit", "python3", "python", "source", "export", "colcon", "rosdep", "rviz2", "foxglove", "rerun",
     "plotjuggler", "pip", "dask", "chronyc", "ssh", "git", "cd", "sudo", "apt", "docker", "curl", "sphinx-build",
+    "lerobot-train", "lerobot-eval", "lerobot-doctor", "lelint", "~/lerobot/bin/python", "~/lerobot/bin/pip", "python3.12",
 )  # fmt: skip
 PATIENCE = 180.0
 """For any command, or for what a command that stays says when it is ready [s, wall clock]."""
@@ -111,6 +112,9 @@ ROSBAG2 = Not(
 NETWORK = Not("fetches packages from the network")
 CLUSTER = Not("needs a Dask cluster")
 MACHINES = Not("is about other machines")
+WITH_LEROBOT = Not(
+    "needs lerobot, with torch 5.4 GB; lerobot_policy_dsgmr/tests train and evaluate where there is one"
+)
 WHEEL = Elsewhere(
     "unit/repository/test_wheel.py::test_the_main_job_runs_without_ros_and_says_what_it_leaves_out"
 )
@@ -477,6 +481,28 @@ TYPED = {
         FILMED
     ),
     "dart-skill learn demonstrations_lerobot": LEROBOT,
+    "dart-skill bag convert bags/demonstrations --to lerobot --action pose --output throws": Elsewhere(
+        "unit/session/test_lerobot.py::test_a_dataset_of_poses_teaches_the_same_throws"
+    ),
+    "python3.12 -m venv ~/lerobot": WITH_LEROBOT,
+    "~/lerobot/bin/pip install 'lerobot[training,evaluation]>=0.6,<0.7' '.[sim,lerobot]'": WITH_LEROBOT,
+    "~/lerobot/bin/pip install ./lerobot_policy_dsgmr ./lerobot_env_dart": WITH_LEROBOT,
+    "lerobot-train --policy.type=dsgmr --dataset.repo_id=local/throws --dataset.root=throws --steps=31 --batch_size=64 --output_dir=trained": WITH_LEROBOT,
+    "lerobot-eval --policy.path=trained/checkpoints/last/pretrained_model --env.type=dart --env.task=throw --eval.n_episodes=10 --eval.batch_size=1": WITH_LEROBOT,
+    "~/lerobot/bin/python -P -m pytest lerobot_policy_dsgmr/tests": WITH_LEROBOT,
+    "dart-skill demo --skill place --layout in-process --demonstrations 50 --trials 1 --output place50": Run(
+        "--demonstrations 3",
+        says="learned 'place' from 3",
+        leaves="place50/summary.json",
+        slow=True,
+    ),
+    "dart-skill bag convert place50/bag --to lerobot --action pose --fps 20 --output place": Elsewhere(
+        "unit/session/test_lerobot.py::test_a_dataset_of_poses_teaches_the_same_throws"
+    ),
+    "lerobot-train --policy.type=dsgmr --policy.held=part --policy.frames=[start,holder] --dataset.episodes=[0,1,2,3,4] --dataset.repo_id=local/place --dataset.root=place --steps=15 --batch_size=64 --output_dir=five": WITH_LEROBOT,
+    "lerobot-eval --policy.path=five/checkpoints/last/pretrained_model --env.type=dart --env.fps=20 --env.episode_length=240 --eval.n_episodes=20 --eval.batch_size=1 --seed=0": WITH_LEROBOT,
+    "lerobot-doctor check throws": WITH_LEROBOT,
+    "lelint check ./throws --no-video": WITH_LEROBOT,
     "DART_SKILL_LEROBOT=~/lerobot/bin/python python3 -m pytest tests/unit/recording/test_lerobot.py": Elsewhere(
         "unit/recording/test_lerobot.py::test_lerobot_itself_loads_it"
     ),

@@ -9,7 +9,17 @@ import pytest
 
 from tests.paths import ROOT
 
-FOLDERS = ("dart_skill", "nodes", "launch", "tools", "benchmarks", "tests", "docs")
+FOLDERS = (
+    "dart_skill",
+    "nodes",
+    "launch",
+    "tools",
+    "benchmarks",
+    "tests",
+    "docs",
+    "lerobot_policy_dsgmr",
+    "lerobot_env_dart",
+)
 
 
 def is_relative_import(node):

@@ -329,3 +329,31 @@ def test_a_video_has_a_picture_of_each_frame(bag, call, tmp_path):
     assert np.shape(stats["mean"]) == (3, 1, 1) and np.allclose(
         np.ravel(stats["mean"]), mean, atol=0.02
     )
+
+
+def test_an_action_may_be_where_the_hand_is_in_the_next_frame(bag, exported, tmp_path):
+    done = write_lerobot(bag, tmp_path / "poses", action="pose")
+    poses, commands = open_dataset(tmp_path / "poses"), open_dataset(exported[0])
+    assert done.action == "pose" and done.n_frames == exported[1].n_frames
+    names = poses.names["observation.state"]
+    hand = [names.index(name) for name in poses.names["action"][:7]]
+    for one, other in zip(poses.episodes, commands.episodes, strict=True):
+        state, action = one.frames["observation.state"], one.frames["action"]
+        assert np.array_equal(action[:-1, :7], state[1:, hand])
+        assert np.array_equal(action[-1, :7], state[-1, hand])
+        assert np.array_equal(state, other.frames["observation.state"])
+        assert np.array_equal(action[:, -1], other.frames["action"][:, -1])
+    with pytest.raises(ValueError, match="action is 'speed': give commands or pose"):
+        write_lerobot(bag, tmp_path / "speed", action="speed")
+
+
+def test_a_dataset_of_poses_teaches_the_same_throws(bag, exported, tmp_path, capsys):
+    arguments = ["bag", "convert", str(bag), "--to", "lerobot", "--action", "pose"]
+    assert main([*arguments, "--output", str(tmp_path / "poses")]) == 0
+    skill = load_skill("throw")
+    shown = [
+        demonstration_in_episode(dataset, dataset.episodes[0], skill)
+        for dataset in (open_dataset(tmp_path / "poses"), open_dataset(exported[0]))
+    ]
+    assert np.array_equal(*(one.tracks[HAND].position for one in shown))
+    assert shown[0].events == shown[1].events
