@@ -457,7 +457,9 @@ class Commander:
         # What the hand was told it is told until the arm is at rest.
         grip = self._grip if self.mode == Mode.FOLLOWING_THROUGH else Grip.UNSPECIFIED
         if self.settings.tracking != "joints":
-            return self._command(state, self._servo.damp(state.velocity), grip=grip)
+            return self._command(
+                state, self._servo.damp(state.position, state.velocity), grip=grip
+            )
         if self._braking is None:
             self._braking = state.position.copy(), state.velocity.copy()
         torque = self._servo.brake(state.position, state.velocity, *self._braking, self.time)

@@ -35,6 +35,10 @@ of the WAM are 12 to 25 and 24 to 60.
 """
 DAMPED = 0.7
 """Damping ratio of the servo."""
+AHEAD = 0.004
+"""Two control periods [s]: a state is one old when its torque acts, and joints whose axes are in
+line turn against each other with hardly any inertia, as no URDF tells of rotors.
+"""
 SERVO_SHARE = 0.3
 """Largest torque of the servo, as a share of the joint's; that of the WAM is 0.12 to 0.5, but for J7."""
 HEADROOM = 2.0
@@ -164,7 +168,7 @@ def _servo(
         "following_stiffness": FOLLOWS**2 * inertia,
         "following_damping": 2.0 * DAMPED * FOLLOWS * inertia,
     }
-    return ServoGains(**{**gains, **given})
+    return ServoGains(**{**gains, **given}, ahead=AHEAD)
 
 
 def _reach(arm: UrdfArm, plane: SwingPlane) -> float:

@@ -165,6 +165,9 @@ class ServoGains:
         Of their torque (n,) [N m].
     following_stiffness, following_damping
         Along a motion whose torques are fed forward (n,).
+    ahead
+        The springs act as if it were so much later, by the model's inertia [s] ("stable PD", Tan,
+        Liu and Turk 2011); 0: as it is.
     """
 
     stiffness: np.ndarray
@@ -172,6 +175,7 @@ class ServoGains:
     limit: np.ndarray
     following_stiffness: np.ndarray
     following_damping: np.ndarray
+    ahead: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -236,6 +236,9 @@ class JointServo:
         self.gains = g = impedance.model.description.servo
         self._holding = JointSpring(g.stiffness, g.damping, g.limit)
         self._following = JointSpring(g.following_stiffness, g.following_damping, g.limit)
+        self._at_rest = g.ahead * g.damping + g.ahead**2 * g.stiffness
+        self._along = g.ahead * g.following_damping + g.ahead**2 * g.following_stiffness
+        self._stopping = 2.0 * g.ahead * g.damping
 
     def torque(
         self,
@@ -246,7 +249,7 @@ class JointServo:
         qdd_wanted: np.ndarray,
     ) -> np.ndarray:
         """Joint torque (n,) [N m] towards a wanted joint motion, gravity excluded."""
-        torque = self._holding.torque(q, qd, q_wanted, qd_wanted)
+        torque = self._steady(q, self._holding.torque(q, qd, q_wanted, qd_wanted))
         if any(qd_wanted.tolist()):
             torque += self._impedance.friction_torque(qd_wanted)
         if any(qdd_wanted.tolist()):
@@ -255,13 +258,14 @@ class JointServo:
 
     def hold(self, q: np.ndarray, qd: np.ndarray, posture: np.ndarray) -> np.ndarray:
         """Joint torque (n,) [N m] towards a posture at rest, gravity excluded."""
-        return self._holding.torque(q, qd, posture, np.zeros(len(q)))
+        return self._steady(q, self._holding.torque(q, qd, posture, np.zeros(len(q))))
 
     def follow(
         self, q: np.ndarray, qd: np.ndarray, q_expected: np.ndarray, qd_expected: np.ndarray
     ) -> np.ndarray:
         """Joint torque (n,) [N m] towards an expected motion whose torques are fed forward."""
-        return self._following.torque(q, qd, q_expected, qd_expected)
+        torque = self._following.torque(q, qd, q_expected, qd_expected)
+        return self._steady(q, torque, self._along)
 
     def take_out(
         self, torque: np.ndarray, q: np.ndarray, q_expected: np.ndarray, step: float
@@ -274,11 +278,11 @@ class JointServo:
         more = torque + self.TAKES_OUT * step * stiffness * (q_expected - q)
         return np.minimum(np.maximum(more, -most), most)
 
-    def damp(self, qd: np.ndarray) -> np.ndarray:
+    def damp(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Torque (n,) [N m] that brings an arm to a damped stop; the arm must report its speeds
         without delay.
         """
-        return self._holding.damp(qd)
+        return self._steady(q, self._holding.damp(qd), self._stopping)
 
     def brake(
         self, q: np.ndarray, qd: np.ndarray, start: np.ndarray, speed: np.ndarray, time: float
@@ -289,7 +293,26 @@ class JointServo:
         The torque is fed forward, so that no large gain acts on speeds that are measured late.
         """
         needed = self._impedance.model.at(q, qd).inertial_torque(speed)
-        return self._following.brake(q, qd, start, speed, needed, time, self.BRAKING_TIME)
+        torque = self._following.brake(q, qd, start, speed, needed, time, self.BRAKING_TIME)
+        return self._steady(q, torque, self._along)
+
+    def _steady(
+        self, q: np.ndarray, torque: np.ndarray, grows: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Torque (n,) of springs and dampers as they would be `ahead` later: without it joints that
+        have little inertia would swing up between two control periods.
+
+        Parameters
+        ----------
+        grows
+            By how much the torque grows ahead for an acceleration (n,) [kg m^2]; None: while a
+            posture is held.
+        """
+        if not self.gains.ahead:
+            return torque
+        inertia = self._impedance.model.mass_matrix(q)
+        more = np.diag(self._at_rest if grows is None else grows)
+        return inertia @ np.linalg.solve(inertia + more, torque)
 
 
 def minimum_jerk(

@@ -189,6 +189,35 @@ def test_home_points_down_before_the_base(iiwa):
     assert position[0] > 0.3 and rotation[:, 2] == pytest.approx([0.0, 0.0, -1.0], abs=1e-6)
 
 
+@pytest.mark.parametrize("name", ["wam", "iiwa7", "panda"])
+def test_a_stop_and_a_held_posture_are_stable_wherever_the_arm_is(name, monkeypatch):
+    """Joints in line have hardly any inertia against each other: J1 and J3 of a KUKA, upright."""
+    monkeypatch.setenv(ARM_VARIABLE, name)
+    arm, model, step, n = the_arm(), ArmModel(), 0.002, joint_count()
+    servo, rng = JointServo(Impedance(model)), np.random.default_rng(0)
+    lower, upper = arm.of_joints("lower"), arm.of_joints("upper")
+    small, still, fastest = 1e-6, np.zeros(n), 0.0
+    for q in [np.zeros(n).clip(lower, upper), *rng.uniform(lower, upper, (200, n))]:
+        light = step * np.linalg.inv(model.mass_matrix(q)) / small
+        stop = light @ np.transpose([servo.damp(q, v) for v in small * np.eye(n)])
+        pull = light @ np.transpose([servo.hold(q, still, q - d) for d in small * np.eye(n)])
+        slow = light @ np.transpose([servo.hold(q, v, q) for v in small * np.eye(n)])
+        # a torque acts on the state that follows the one it answers
+        nothing, one = np.zeros((n, n)), np.eye(n)
+        stopped = np.block([[one, stop], [one, nothing]])
+        held = np.block(
+            [
+                [one, step * one, nothing, nothing],
+                [nothing, one, pull, slow],
+                [one, nothing, nothing, nothing],
+                [nothing, one, nothing, nothing],
+            ]
+        )
+        for law in (stopped, held):
+            fastest = max(fastest, np.abs(np.linalg.eigvals(law)).max())
+    assert fastest < 1.0
+
+
 def test_a_swing_keeps_clear_and_ends_as_fast_as_its_joints(iiwa):
     swing, arm = the_swing(), load_arm("iiwa7")
     speeds = np.abs(swing.rates) / arm.speeds[swing.joints]

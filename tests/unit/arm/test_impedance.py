@@ -306,7 +306,7 @@ def test_the_joint_servo_pulls_towards_the_wanted_motion_within_its_limits(model
 def test_the_damped_stop_only_brakes(model):
     servo, rng = JointServo(Impedance(model)), np.random.default_rng(3)
     for qd in rng.normal(0.0, 3.0, (20, 7)):
-        torque = servo.damp(qd)
+        torque = servo.damp(POSTURE, qd)
         assert (torque * qd <= 0).all() and (np.abs(torque) <= 2 * the_arm().servo.limit).all()
 
 
@@ -360,7 +360,7 @@ def answers(q, qd, posture, wanted, seed):
         *impedance.moved(q, qd, wanted, posture),
         impedance.friction_torque(qd, q),
         servo.follow(q, qd, posture, q),
-        servo.damp(qd),
+        servo.damp(q, qd),
         servo.brake(q, qd, posture, q, 0.1),
     ]
 
