@@ -8,6 +8,7 @@ limits and the occlusion model.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -379,6 +380,7 @@ def parse_description(content: dict) -> ArmDescription:
         Names what is missing.
     """
     links, dh = content["links"], _dh(content["dh"])
+    gains: Any = {name: np.array(row) for name, row in content["servo"].items()}
     return ArmDescription(
         name="wam",
         mount_height=content["mount_height"],
@@ -391,7 +393,7 @@ def parse_description(content: dict) -> ArmDescription:
         links_dh=tuple(_inertial(link["mass"], link["dh"]) for link in links),
         hand=_hand(content["hand"]),
         motors=_motors(content["transmission"], content["motors"]),
-        servo=ServoGains(**{name: np.array(row) for name, row in content["servo"].items()}),
+        servo=ServoGains(**gains),
         elbow=content["elbow"],
         swinging=np.isin(np.arange(len(links)) + 1, content["swing"]["joints"]),
         reach=_reach(dh),
