@@ -66,7 +66,8 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     )
     add_configuration(parser, "that of config/skill_learner.yaml")
     add_model(parser, "nothing is shown, the arm does what a file of 'dart-skill learn BAG' holds")
-    parser.set_defaults(run=partial(_demo, parser=parser))
+    # each skill has its own numbers
+    parser.set_defaults(run=partial(_demo, parser=parser), demonstrations=None, throws=None)
 
 
 def say(text: str) -> None:
@@ -94,14 +95,14 @@ def _demo(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 def _check_options_of_skill(
     options: argparse.Namespace, parser: argparse.ArgumentParser, skill: Skill
 ) -> None:
-    """A usage error for an option that is not for this skill; its own default numbers."""
+    """A usage error for an option that is not for this skill; its own numbers where none is given."""
     if options.configuration and not skill.configurations:
         parser.error(
             "--configuration is for throws: other skills have their settings in a file of"
             " their own"
         )
     for name, number in (("demonstrations", skill.words.lessons), ("throws", skill.words.tries)):
-        if getattr(options, name) == parser.get_default(name):
+        if getattr(options, name) is None:
             setattr(options, name, number)
 
 

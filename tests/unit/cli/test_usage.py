@@ -192,6 +192,21 @@ def test_arms_of_the_throws_experiment_are_names_or_the_fleet(capfd):
     assert "--set skill.NAME is for a demo or a graph" in capfd.readouterr().err
 
 
+@pytest.mark.parametrize(("asked", "shown"), [((), 8), (("--demonstrations", "13"), 13)])
+def test_a_demo_of_a_skill_shows_as_many_as_were_asked_for(monkeypatch, tmp_path, asked, shown):
+    """Also if that is what a demo of throws shows."""
+    jobs = []
+
+    def begun(job, *_):
+        jobs.append(job)
+        raise ValueError("seen enough")
+
+    monkeypatch.setattr("dart_skill.session.demo", begun)
+    words = ["--layout", "in-process", "--output", str(tmp_path / "run"), *asked]
+    assert main(["demo", "--skill", "place", *words]) == 1
+    assert [job.demonstrations for job in jobs] == [shown]
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
