@@ -10,7 +10,9 @@ from functools import partial
 
 import pytest
 import rclpy
-from std_msgs.msg import Empty
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
+from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
 
 from dart_skill_nodes.comms.presence import PULSE, Presence, be_alive, others, servers
@@ -31,6 +33,15 @@ node.create_service(Trigger, "~/serve", lambda request, response: response)
 while True:
     sum(range(10**6))  # and never spins
 """
+
+
+ALIVE = QoSProfile(
+    depth=16,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    liveliness=LivelinessPolicy.AUTOMATIC,
+    liveliness_lease_duration=Duration(seconds=LEASE),
+)
+"""How a node says that it lives."""
 
 
 @pytest.fixture
@@ -128,6 +139,26 @@ def test_a_process_that_was_killed_before_it_was_met_is_missed(node, start):
         time.sleep(0.05)
         there = servers(node, "/busy/serve")
     assert there.gone and time.monotonic() - killed < 15.0, "only the middleware missed it"
+
+
+def test_who_takes_a_place_is_not_taken_for_the_one_that_left_it(node, start):
+    """Until it has said which process it is: a slow machine takes a while for that."""
+    process = start(name="left")
+    there = come(node, name="left")
+    process.send_signal(signal.SIGINT)
+    process.wait()
+    wait_until_gone(there)
+    until(
+        lambda: not node.get_publishers_info_by_topic("/left/_alive"),
+        lambda: time.sleep(0.05),
+        "that it has left the graph",
+    )
+    second = rclpy.create_node("left")
+    second.create_publisher(String, "~/_alive", ALIVE)  # and has said nothing yet
+    second.create_service(Trigger, "~/serve", lambda request, response: response)
+    until(lambda: servers(node, "/left/serve"), lambda: time.sleep(0.05), "another one")
+    assert not servers(node, "/left/serve").gone
+    second.destroy_node()
 
 
 def test_nodes_of_one_process_do_not_miss_each_other_and_nobody_is_never_gone(node):

@@ -147,13 +147,22 @@ class _Pulse:
                 self.losses += 1
                 self._died[process] = now
         alive = sum(self._lives.values())
-        self._silent = min(len(self._lives) - alive, max(0, self._there - alive))
+        dead = min(len(self._lives) - alive, max(0, self._there - alive))
+        self._silent = min(dead, self._of_the_dead()) if dead else 0
         if alive:  # one must be left, that it is known to be dead
             self._lives = {
                 process: lives
                 for process, lives in self._lives.items()
                 if lives or now - self._died[process] < LEAVES
             }
+
+    def _of_the_dead(self) -> int:
+        """How many of those that are on the graph may be of processes that are known not to live:
+        one that has just taken the place of another has not yet said which process it is.
+        """
+        dead = {one.pid & LOW_NUMBER for one, lives in self._lives.items() if not lives}
+        there = self._node.get_publishers_info_by_topic(self._topic)
+        return sum(not machine or low in dead for machine, low in map(process_of, there))
 
     def _lost(self) -> int:
         """How many leases have run out since the last look."""
