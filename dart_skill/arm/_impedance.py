@@ -249,7 +249,7 @@ class JointServo:
         qdd_wanted: np.ndarray,
     ) -> np.ndarray:
         """Joint torque (n,) [N m] towards a wanted joint motion, gravity excluded."""
-        torque = self._steady(q, self._holding.torque(q, qd, q_wanted, qd_wanted))
+        torque = self._steady(q, self._holding.torque(q, qd, q_wanted, qd_wanted), self._at_rest)
         if any(qd_wanted.tolist()):
             torque += self._impedance.friction_torque(qd_wanted)
         if any(qdd_wanted.tolist()):
@@ -258,7 +258,8 @@ class JointServo:
 
     def hold(self, q: np.ndarray, qd: np.ndarray, posture: np.ndarray) -> np.ndarray:
         """Joint torque (n,) [N m] towards a posture at rest, gravity excluded."""
-        return self._steady(q, self._holding.torque(q, qd, posture, np.zeros(len(q))))
+        torque = self._holding.torque(q, qd, posture, np.zeros(len(q)))
+        return self._steady(q, torque, self._at_rest)
 
     def follow(
         self, q: np.ndarray, qd: np.ndarray, q_expected: np.ndarray, qd_expected: np.ndarray
@@ -296,23 +297,19 @@ class JointServo:
         torque = self._following.brake(q, qd, start, speed, needed, time, self.BRAKING_TIME)
         return self._steady(q, torque, self._along)
 
-    def _steady(
-        self, q: np.ndarray, torque: np.ndarray, grows: np.ndarray | None = None
-    ) -> np.ndarray:
+    def _steady(self, q: np.ndarray, torque: np.ndarray, grows: np.ndarray) -> np.ndarray:
         """Torque (n,) of springs and dampers as they would be `ahead` later: without it joints that
         have little inertia would swing up between two control periods.
 
         Parameters
         ----------
         grows
-            By how much the torque grows ahead for an acceleration (n,) [kg m^2]; None: while a
-            posture is held.
+            By how much the torque grows ahead for an acceleration (n,) [kg m^2].
         """
         if not self.gains.ahead:
             return torque
         inertia = self._impedance.model.mass_matrix(q)
-        more = np.diag(self._at_rest if grows is None else grows)
-        return inertia @ np.linalg.solve(inertia + more, torque)
+        return inertia @ np.linalg.solve(inertia + np.diag(grows), torque)
 
 
 def minimum_jerk(

@@ -161,8 +161,7 @@ class _Pulse:
         one that has just taken the place of another has not yet said which process it is.
         """
         dead = {one.pid & LOW_NUMBER for one, lives in self._lives.items() if not lives}
-        there = self._node.get_publishers_info_by_topic(self._topic)
-        return sum(not machine or low in dead for machine, low in map(process_of, there))
+        return sum(not machine or low in dead for machine, low in self._processes())
 
     def _lost(self) -> int:
         """How many leases have run out since the last look."""
@@ -186,8 +185,11 @@ class _Pulse:
         """
         here = [process_of(one) for one in self._node.get_subscriptions_info_by_topic(self._topic)]
         mine = {machine for machine, number in here if number == os.getpid() & LOW_NUMBER}
-        there = [process_of(one) for one in self._node.get_publishers_info_by_topic(self._topic)]
-        return sum(machine in mine and not runs(number) for machine, number in there)
+        return sum(machine in mine and not runs(number) for machine, number in self._processes())
+
+    def _processes(self) -> list[tuple[bytes, int]]:
+        """Of those that are on the graph, as far as the middleware says which ones they are."""
+        return [process_of(one) for one in self._node.get_publishers_info_by_topic(self._topic)]
 
     @property
     def silent(self) -> int:
