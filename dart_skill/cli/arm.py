@@ -8,6 +8,7 @@ import argparse
 import json
 import math
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ from dart_skill.cli.run_options import folder
 from dart_skill.common.files import new_file
 
 if TYPE_CHECKING:
-    from dart_skill.arm import UrdfArm
+    from dart_skill.arm import ThrowingBound, UrdfArm
 
 HEIGHTS = (0.2, 0.3, 0.4, 0.5, 0.6)
 """Heights over the base at which the hand points down [m]."""
@@ -167,13 +168,12 @@ def _reach(options: argparse.Namespace) -> int:
 def _throws(options: argparse.Namespace, arm: UrdfArm) -> int:
     import numpy as np
 
-    from dart_skill.arm import GUIDED_SPEED, guided_bound, throwing_bound
-    from dart_skill.common.configuration import description_path, read_yaml
+    from dart_skill.arm import GUIDED_SPEED, throwing_bound
     from dart_skill.common.regions import REGION
 
     rim = REGION.rim if options.rim is None else options.rim
     bound = throwing_bound(arm, rim, math.radians(options.angle))
-    guided = guided_bound(arm, rim, REGION.side, math.radians(options.angle))
+    guided = _guided(options, arm, rim)
     names = [joint.name for joint in arm.joints]
     if options.output:
         from dart_skill.figures import save, throwing_bound_figure
@@ -189,9 +189,11 @@ def _throws(options: argparse.Namespace, arm: UrdfArm) -> int:
             "swinging": [names[joint] for joint in bound.plane.joints],
             "angles": dict(zip(names, bound.angles.tolist(), strict=True)),
             "rates": dict(zip(names, bound.rates.tolist(), strict=True)),
-            "guided_distance_m": guided.distance,
-            "guided_start": dict(zip(names, guided.turned_start.tolist(), strict=True)),
         }
+        if guided is not None:
+            start = guided.turned_start.tolist()
+            numbers["guided_distance_m"] = guided.distance
+            numbers["guided_start"] = dict(zip(names, start, strict=True))
         print(json.dumps(numbers))
         return 0
     print(
@@ -209,14 +211,32 @@ def _throws(options: argparse.Namespace, arm: UrdfArm) -> int:
     )
     for what, values in (("starts", bound.start), ("releases", bound.angles)):
         print(f"  {what} at {np.array2string(values, precision=2, separator=', ')} rad")
-    if "swing" in read_yaml(description_path(options.arm)):
-        return 0  # its file says how a person throws with it
-    start = np.array2string(guided.turned_start, precision=4, separator=", ", suppress_small=True)
-    print(
-        f"a person guides throws to {guided.distance:.2f} m, from {start} rad: over"
-        f" {guided.swing:.1f} s, at {100 * GUIDED_SPEED:.0f} % of the joints' speeds"
-    )
+    if guided is not None:
+        told = np.array2string(
+            guided.turned_start, precision=4, separator=", ", suppress_small=True
+        )
+        print(
+            f"a person guides throws to {guided.distance:.2f} m, from {told} rad: over"
+            f" {guided.swing:.1f} s, at {100 * GUIDED_SPEED:.0f} % of the joints' speeds"
+        )
     return 0
+
+
+def _guided(options: argparse.Namespace, arm: UrdfArm, rim: float) -> ThrowingBound | None:
+    """The throw that a person guides it through; None where its file has one, or, with a line why,
+    where there is none.
+    """
+    from dart_skill.arm import guided_bound
+    from dart_skill.common.configuration import description_path, read_yaml
+    from dart_skill.common.regions import REGION
+
+    if "swing" in read_yaml(description_path(options.arm)):
+        return None
+    try:
+        return guided_bound(arm, rim, REGION.side, math.radians(options.angle))
+    except ValueError as error:
+        print(f"no person guides a throw: {error}", file=sys.stderr)
+        return None
 
 
 def _points(options: argparse.Namespace, arm: UrdfArm) -> int:

@@ -1,6 +1,7 @@
 """How far an arm can throw and where it can point: beside linear programming and Pinocchio."""
 
 import json
+import re
 from functools import cache
 
 import numpy as np
@@ -17,6 +18,7 @@ from dart_skill.arm import (
     throwing_bound,
 )
 from dart_skill.cli import main
+from dart_skill.common.configuration import config_path
 
 ARMS = ("wam", "panda", "iiwa7")
 """Those whose URDFs the given packages bring."""
@@ -134,11 +136,28 @@ def test_beyond_what_the_stretched_arm_reaches_nothing_is_pointed_at():
         throwing_bound(load_arm("panda"), 9.0)
 
 
+def test_an_arm_that_hardly_turns_has_a_bound_though_no_person_guides_its_throws(tmp_path, capsys):
+    name = load_arm("iiwa7").joints[0].name
+    range_of = re.compile(rf'(name="{name}".*?lower=)"[^"]*"( upper=)"[^"]*"', re.DOTALL)
+    urdf, changed = range_of.subn(r'\1"-0.3"\2"0.3"', load_arm("iiwa7").urdf)
+    assert changed == 1
+    (tmp_path / "narrow.urdf").write_text(urdf, encoding="utf-8")
+    about = config_path("arms/iiwa7.yaml").read_text(encoding="utf-8")
+    file = tmp_path / "narrow.yaml"
+    file.write_text(re.sub("urdf: .*", "urdf: narrow.urdf", about, count=1), encoding="utf-8")
+    assert main(["arm", "reach", str(file)]) == 0
+    told = capsys.readouterr()
+    assert "throws 2.5" in told.out and "a person guides" not in told.out
+    assert "its first joint cannot turn 45 degrees" in told.err
+
+
 def test_reach_tells_and_draws_where_an_arm_throws_and_points(tmp_path, capsys):
     assert main(["arm", "reach", "panda", "--output", str(tmp_path), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["swinging"] == ["panda_joint2", "panda_joint4", "panda_joint6"]
     assert 1.0 < told["guided_distance_m"] < 1.3
     assert 1.9 < told["distance_m"] < 2.3 and (tmp_path / "reach_panda.svg").is_file()
+    assert main(["arm", "reach", "wam", "--json"]) == 0
+    assert "guided_start" not in json.loads(capsys.readouterr().out), "its file has a swing"
     assert main(["arm", "reach", "panda", "--skill", "place", "--height", "1.2"]) == 0
     assert "at 1.20 m above the floor: 0." in capsys.readouterr().out
