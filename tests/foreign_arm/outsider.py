@@ -14,7 +14,13 @@ from types import SimpleNamespace
 
 from dart_skill_msgs.action import Execute, Practice
 from dart_skill_msgs.msg import Situation
-from dart_skill_msgs.srv import DropDemonstration, Learn, ListDemonstrations, StopDemonstration
+from dart_skill_msgs.srv import (
+    DropDemonstration,
+    GetPlan,
+    Learn,
+    ListDemonstrations,
+    StopDemonstration,
+)
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
@@ -32,6 +38,7 @@ machine after 3 s, or twice that.
 RECORDERS = ("/demonstration_recorder", "/again")
 """The one of the layout, and one that a test starts."""
 SERVICES = {
+    "/commander/get_plan": GetPlan,
     "/commander/release_arm": SetBool,
     "/commander/stop": Trigger,
     "/commander/reset": Trigger,

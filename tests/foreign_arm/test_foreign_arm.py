@@ -126,8 +126,10 @@ def test_the_arm_practises_at_the_basket_that_the_cameras_see(lesson, throws):
     assert all(text in said for text in lesson.asked), (
         "the command line says what the person should do"
     )
+    executed = lesson.call("/commander/get_plan", plan_id=throws[0][1].plan_id)
+    assert executed.success, executed.message
     assert lesson.driver.plant.encoders.angles == pytest.approx(
-        np.array(throws[0][1].plan.start_posture), abs=0.1
+        np.array(executed.plan.start_posture), abs=0.1
     )
 
 

@@ -393,6 +393,7 @@ TYPED = {
     "ros2 service call /commander/move_to dart_skill_msgs/srv/MoveArm '{posture: [0.0, -1.1, 0.0, -0.6, 0.0, -0.55, 0.0]}'": (
         FULL_ROS
     ),
+    "ros2 service call /commander/get_plan dart_skill_msgs/srv/GetPlan": FULL_ROS,
     "ros2 service call /commander/stop std_srvs/srv/Trigger": FULL_ROS,
     "ros2 service call /commander/reset std_srvs/srv/Trigger": FULL_ROS,
     "ros2 service call /skill_learner/demonstrations dart_skill_msgs/srv/ListDemonstrations": (

@@ -197,7 +197,8 @@ def test_the_hand_reaches_into_cups_that_move_otherwise(graph, reach):
     for made in (graph.first, second):
         assert (made.code, made.message) == (Execute.Goal.OUTCOME_EXECUTED, "executed")
         assert made.outcome.seen and made.outcome.success, made.outcome.message
-        assert made.plan.policy and not made.plan.trajectory.points
+        plan = graph.client.executed_plan(made)
+        assert plan.policy and not plan.trajectory.points
     (cup,) = [body for body in truth[-1].bodies if body.name == "cup"]
     assert np.hypot(cup.twist.linear.x, cup.twist.linear.y) < 0.3
     graph.client.node.destroy_subscription(watching)

@@ -9,8 +9,8 @@ import subprocess
 import numpy as np
 import pytest
 from dart_skill_msgs.action import Execute
-from dart_skill_msgs.msg import Demonstration, SimulationState
-from dart_skill_msgs.srv import Judge, Learn, Look, ModelFile, Plan, Reset
+from dart_skill_msgs.msg import Demonstration, SimulationState, Situation
+from dart_skill_msgs.srv import GetPlan, Judge, Learn, Look, ModelFile, Plan, Reset
 from geometry_msgs.msg import Point, Pose
 from rclpy.action import ActionClient
 from std_msgs.msg import Header
@@ -82,17 +82,27 @@ def test_the_part_goes_into_a_holder_that_stands_elsewhere(graph, place):
     situation = place.draw(graph.rng)
     made = graph.client.execute(conversions.situation_msg(situation), look=True)
     assert (made.code, made.message) == (Execute.Goal.OUTCOME_EXECUTED, "executed")
-    assert made.outcome.skill == made.plan.skill == "place" and [
-        event.name for event in made.plan.events
-    ] == ["close", "open"]
-    assert set(made.plan.situation.bodies) == {"part", "holder"}
-    seen = conversions.place_of(made.plan.situation, "holder")
+    plan = graph.client.executed_plan(made)
+    assert made.outcome.skill == plan.skill == "place"
+    assert [event.name for event in plan.events] == ["close", "open"]
+    assert set(plan.situation.bodies) == {"part", "holder"}
+    seen = conversions.place_of(plan.situation, "holder")
     assert seen == pytest.approx(situation.pose("holder").position, abs=1e-3)
     assert made.outcome.seen and made.outcome.success == truth[-1].success, (
         "the cameras and the world say the same"
     )
     assert made.outcome.success, made.outcome.message
     graph.client.node.destroy_subscription(watching)
+
+
+def test_a_result_is_read_at_a_glance_and_another_plan_is_refused_by_its_id(graph):
+    made = graph.client.execute(Situation(), look=True)
+    assert len(str(made).split()) < 300, "a terminal holds it"
+    ask = graph.client.node.create_client(GetPlan, "/commander/get_plan")
+    newest = graph.client.call(ask, GetPlan.Request())
+    assert newest.plan_id == made.plan_id and newest.plan == graph.client.executed_plan(made)
+    with pytest.raises(GraphFailure, match=f"no plan 'p7'; the newest .* {made.plan_id}"):
+        graph.client.call(ask, GetPlan.Request(plan_id="p7"))
 
 
 def test_a_plain_client_says_nothing_and_the_arm_does_it_where_the_cameras_see_the_bodies(graph):
@@ -122,7 +132,7 @@ def test_a_plain_client_says_nothing_and_the_arm_does_it_where_the_cameras_see_t
     assert result.code == Execute.Goal.OUTCOME_EXECUTED and result.outcome.success, (
         result.outcome.message or result.message
     )
-    assert set(result.plan.situation.bodies) == {"part", "holder"}
+    assert set(client.executed_plan(result).situation.bodies) == {"part", "holder"}
     action.destroy()
 
 

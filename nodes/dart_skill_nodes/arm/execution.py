@@ -10,7 +10,7 @@ import numpy as np
 from dart_skill_msgs.action import Execute
 from dart_skill_msgs.msg import Plan as PlanMsg
 from dart_skill_msgs.msg import Situation
-from dart_skill_msgs.srv import Plan
+from dart_skill_msgs.srv import GetPlan, Plan
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from rclpy.node import Node
@@ -50,6 +50,8 @@ LET_RUN = 5.0
 """Longest wait for who holds a simulated world in which a motion shall begin [s, wall clock]."""
 FINDS = 3.0
 """Longest wait for what a trial needs, until it is found [s, wall clock]."""
+PLANS_KEPT = 16
+"""Newest plans that `~/get_plan` gives; a plan has 50 to 200 kB."""
 
 
 @dataclass
@@ -88,7 +90,8 @@ class Execution:
       that is too fast for that.
     * parameters: of the node, in force: frame_id, plan_timeout, watch_time.
 
-    Attributes: goal, the one under way; state, the newest one of the arm, None without one.
+    Attributes: goal, the one under way; state, the newest one of the arm, None without one; plans,
+    the newest ones by their id, oldest first.
     """
 
     def __init__(
@@ -104,9 +107,11 @@ class Execution:
         self._arm, self._seen = arm, seen
         self.goal: GoalUnderWay | None = None
         self.state: ArmState | None = None
+        self.plans: dict[str, PlanMsg] = {}
         self._calls = ServiceCalls(node)
         self._recorder = RecorderCalls(node, self._calls, "judge", "look")
         self._planner = node.create_client(Plan, "skill_learner/plan")
+        node.create_service(GetPlan, "~/get_plan", self._on_get_plan)
         self._path = node.create_publisher(Path, "~/plan", NEWEST)
         self._attractor = node.create_publisher(PoseStamped, "~/attractor", FRAMES)
 
@@ -165,11 +170,31 @@ class Execution:
         )
         if not response.success:
             raise ValueError(response.message)
-        result.plan = response.plan
+        result.plan_id = self._keep(response.plan)
         # the arm waits for answers meanwhile
         path, plan = await in_thread(self._node, self._read, response.plan)
         self._path.publish(path)
         return plan
+
+    def _keep(self, plan: PlanMsg) -> str:
+        """Keep a plan for who asks for it later; its id, which is that of the goal."""
+        plan_id = bytes(self.goal.handle.goal_id.uuid).hex()
+        self.plans[plan_id] = plan
+        if len(self.plans) > PLANS_KEPT:
+            del self.plans[next(iter(self.plans))]
+        return plan_id
+
+    def _on_get_plan(self, request: GetPlan.Request, response: GetPlan.Response) -> None:
+        """Give a plan by its id; ValueError says which ones there are."""
+        plan_id = request.plan_id or next(reversed(self.plans), "")
+        if plan_id not in self.plans:
+            there = f"the newest {len(self.plans)} are: {', '.join(self.plans)}"
+            raise ValueError(
+                f"there is no plan '{plan_id}'; {there}"
+                if self.plans
+                else "nothing was planned yet"
+            )
+        response.plan_id, response.plan = plan_id, self.plans[plan_id]
 
     def _read(self, message: PlanMsg) -> tuple[Path, MotionPlan | ReactiveGuide]:
         """The way of the hand in a plan, for viewers, and what carries it out."""
@@ -228,7 +253,8 @@ class Execution:
             self._seen.end()
         result.duration = conversions.duration_msg((goal.newest_ns - begun_ns) * 1e-9)
         opened_ns = self._commander.opened_ns
-        opens = any(event.name == conversions.WORDS[Grip.OPEN] for event in result.plan.events)
+        told = self.plans[result.plan_id].events
+        opens = any(event.name == conversions.WORDS[Grip.OPEN] for event in told)
         if self._commander.message or (opens and opened_ns is None):
             result.code = Execute.Goal.OUTCOME_STOPPED
             result.message = (
@@ -248,7 +274,7 @@ class Execution:
         """
         try:
             result.outcome = await self._recorder.outcome(
-                result.plan.situation, told_ns, until_ns, begun_ns
+                self.plans[result.plan_id].situation, told_ns, until_ns, begun_ns
             )
             if not result.outcome.seen and self._arm.unseen:
                 result.message += f"; not seen: {self._arm.unseen}"

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import rclpy
 from dart_skill_msgs.action import Execute, Practice, Teach
-from dart_skill_msgs.msg import Situation
+from dart_skill_msgs.msg import Plan, Situation
 from dart_skill_msgs.srv import (
     DropDemonstration,
+    GetPlan,
     Learn,
     ListDemonstrations,
     ModelFile,
@@ -311,6 +312,10 @@ class GraphClient(BlockingCalls):
         outcome = self.carry_out(self._sequence.end(under_way), "the movement")
         self.throw_seconds += conversions.seconds(outcome.duration), time.monotonic() - begun
         return outcome
+
+    def executed_plan(self, made: Execute.Result) -> Plan:
+        """The plan that was executed; GraphFailure if the commander has it no more."""
+        return self.ask(GetPlan, "commander/get_plan", GetPlan.Request(plan_id=made.plan_id)).plan
 
     def begin(self, situation: Situation, look: bool = False) -> TrialUnderWay:
         """The same, once the arm moves."""

@@ -6,8 +6,9 @@ from functools import partial
 import numpy as np
 from builtin_interfaces.msg import Time
 from dart_skill_msgs.action import Execute, Practice
+from dart_skill_msgs.msg import Plan as PlanMsg
 from dart_skill_msgs.msg import Situation
-from dart_skill_msgs.srv import AddTrial, Plan
+from dart_skill_msgs.srv import AddTrial, GetPlan, Plan
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 
@@ -55,6 +56,7 @@ class Practising:
             node, calls, parameters["frame_id"], lambda: parameters["simulated"]
         )
         self._plan = node.create_client(Plan, "skill_learner/plan")
+        self._get_plan = node.create_client(GetPlan, "commander/get_plan")
         self._add_trial = node.create_client(AddTrial, "skill_learner/add_trial")
         self._sighting: Promise | None = None
         self._sighting_since_ns, self._why_not = 0, ""  # the latter: of the last one not made
@@ -166,7 +168,8 @@ class Practising:
                 # a person should look at the arm before it moves again
                 raise GraphFailure(f"{self._skill.words.trial} {number}: {made.message}")
             told_ns = conversions.stamp_ns(made.outcome.header.stamp)
-            await self._person.bring(np.array(made.plan.start_posture), told_ns)
+            plan = await self._executed(made)
+            await self._person.bring(np.array(plan.start_posture), told_ns)
 
     def _not_made(self, number: int, situation: Situation, why: str) -> str:
         """A situation that the arm does not reach costs its own trial, and not those after it."""
@@ -258,6 +261,11 @@ class Practising:
         if message.header.frame_id == self._p["frame_id"]:
             self._sighting.keep(conversions.place(message.pose.position, "the basket"))
 
+    async def _executed(self, made: Execute.Result) -> PlanMsg:
+        """The plan that was executed; GraphFailure if the commander has it no more."""
+        request = GetPlan.Request(plan_id=made.plan_id)
+        return (await self._calls.call(self._get_plan, request)).plan
+
     async def _learn_from(self, made: Execute.Result, situation: Situation) -> Sequence[str]:
         """Give the trial to the learner; why it was not learned from, if so, and what there is to
         say of the next one.
@@ -265,13 +273,14 @@ class Practising:
         asked, outcome = self._asked(situation), conversions.task_outcome(made.outcome)
         told_ns = conversions.stamp_ns(made.outcome.header.stamp)
         # else it is stamped when it is over
-        opens = any(event.name == conversions.WORDS[Grip.OPEN] for event in made.plan.events)
+        plan = await self._executed(made)
+        opens = any(event.name == conversions.WORDS[Grip.OPEN] for event in plan.events)
         watched_ns = round(self._p["watch_time"] * 1e9) if opens else 0
         cut = await self._recorder.stop(told_ns + watched_ns - ARRIVAL_NS, False, "practice")
         if not cut.success:
             return cut.message, self._choice.tell(asked, np.nan, outcome)
         cut.demonstration.id = f"{self._skill.name}_{told_ns}"
-        request = AddTrial.Request(trial=cut.demonstration, plan=made.plan)
+        request = AddTrial.Request(trial=cut.demonstration, plan=plan)
         told = await self._calls.call(self._add_trial, request, may_refuse=True)
         left = float(np.hypot(*told.left))
         self._result.learned += told.success
