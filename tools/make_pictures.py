@@ -30,8 +30,9 @@ choose_domain()
 
 import numpy as np  # noqa: E402
 import rclpy  # noqa: E402  the domain must be chosen before rclpy starts
-from PIL import Image  # noqa: E402
+from PIL import Image, ImageDraw, ImageFont  # noqa: E402
 
+from dart_skill.common import palette  # noqa: E402
 from dart_skill.common.regions import REGION  # noqa: E402
 from dart_skill.common.situation import Situation  # noqa: E402
 from dart_skill.report import play, read_run  # noqa: E402
@@ -46,6 +47,13 @@ DOCS = ROOT / "docs"
 FILM = (560, 400)  # pixels
 FRAME = 0.04  # between two pictures of the film [s]
 FILMED = 3  # throws, the first three of bags/throws
+MEANING = (
+    ("guided by a person", palette.DEMONSTRATION),
+    ("learned from it", palette.GAUSSIAN),
+    ("the ball", palette.BALL),
+    ("a basket that nobody showed", palette.BASKET),
+)
+"""What the colours of the film mean."""
 EYE, LOOK_AT = (1.0, -3.7, 1.7), (0.85, 0.0, 1.0)
 LIVE = (1280, 880)
 """Of the live page [pixels]: as much as its panel needs."""
@@ -60,10 +68,17 @@ TO_THE_TOP = (
 
 
 class Film:
-    """Takes the place of a timeline: a picture of the page for each moment that stands."""
+    """Takes the place of a timeline: a picture of the page for each moment that stands, with what
+    its colours mean below, and what was told last above.
+    """
 
     def __init__(self, client):
         self._client, self.pictures, self.milliseconds = client, [], []
+        self._told = ""
+
+    def tell(self, text: str) -> None:
+        """Words that stand above the pictures from now on."""
+        self._told = text
 
     def insert_sleep(self, seconds: float) -> None:
         """Take a picture that stands so long."""
@@ -72,8 +87,17 @@ class Film:
             self._client.get_render(2 * height, 2 * width, transport_format="png")
         )
         page = Image.alpha_composite(Image.new("RGBA", pixels.size, "white"), pixels)
-        self.pictures.append(page.convert("RGB").resize(FILM, Image.Resampling.LANCZOS))
+        picture = page.convert("RGB").resize(FILM, Image.Resampling.LANCZOS)
+        self._write(ImageDraw.Draw(picture))
+        self.pictures.append(picture)
         self.milliseconds.append(round(1e3 * seconds))
+
+    def _write(self, draw: ImageDraw.ImageDraw) -> None:
+        draw.text((12, 8), self._told, "black", ImageFont.load_default(18))
+        at, font = 12.0, ImageFont.load_default(13)
+        for word, colour in MEANING:
+            draw.text((at, FILM[1] - 22), word, palette.hexadecimal(colour), font)
+            at += draw.textlength(word, font) + 14
 
     def save(self, path: Path) -> None:
         """As an animated WebP that goes on for ever."""
@@ -96,9 +120,11 @@ def film_throws(folder: Path) -> Path:
     server.initial_camera.position, server.initial_camera.look_at = EYE, LOOK_AT
     scene.show_demonstrations(run.shown)
     with Page(folder, f"http://127.0.0.1:{server.get_port()}", few_frames=False):
-        film = Film(_wait(lambda: next(iter(server.get_clients().values()), None), "the page"))
+        client = _wait(lambda: next(iter(server.get_clients().values()), None), "the page")
+        _wait(lambda: np.allclose(client.camera.position, EYE, atol=1e-3), "the first look")
+        film = Film(client)
         for throw in run.own[:FILMED]:
-            play(scene, film, run, throw, FRAME)
+            play(scene, film, run, throw, FRAME, film.tell)
     server.stop()
     film.save(DOCS / "throws.webp")
     return DOCS / "throws.webp"

@@ -25,6 +25,8 @@ PALE = (234, 245, 252)
 
 ARM = (200, 200, 205)
 """Links of the arm."""
+JOINT = (125, 125, 132)
+"""Housings of its joints."""
 FINGERS = (90, 90, 95)
 """Fingers of the hand."""
 CAMERA = GREY

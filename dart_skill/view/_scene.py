@@ -22,6 +22,7 @@ from dart_skill.simulation import Basket
 from dart_skill.skills.protocol import Skill
 from dart_skill.view._held_hand import HeldHand
 from dart_skill.view._page_style import SCENE_SHARE
+from dart_skill.view.arm_shapes import fingers, housings
 from dart_skill.view.geometry import Trail, nearest_in, on_plane, outline, segments
 from dart_skill.view.shapes import (
     Mesh,
@@ -55,6 +56,8 @@ BEHIND = np.array([-2.3, -1.9, 2.6]), np.array([1.3, 0.0, 1.65])
 """Camera for darts: as the thrower sees the board."""
 CAMERA_SIZE = 0.18
 """Length of the pyramid that stands for a camera [m]."""
+IN_HAND = 0.2
+"""The hand is drawn open while what it moves is farther than this from its tracked body [m]."""
 STILL_ANGLE = 2e-3
 """Change of a joint angle below which nothing is sent to the page: less than a pixel [rad]."""
 STILL = 2e-3
@@ -149,6 +152,7 @@ class Scene:
     def move_hand(self, position: np.ndarray, quaternion: np.ndarray) -> None:
         """The hand as it is tracked: position (3,) and quaternion (4,)."""
         _set_pose("hand", self._hand, position, quaternion)
+        self._open_hand()
         if self.held_hand is not None:
             self.held_hand.follow(np.asarray(position, dtype=float))
 
@@ -166,10 +170,22 @@ class Scene:
                 f" {', '.join(self._moved) or 'none'}"
             )
         _set_pose(role, self._moved[role], position, quaternion)
+        self._open_hand()
 
     def move_ball(self, position: np.ndarray) -> None:
         """Its centre (3,)."""
         _place(self._ball, _array("ball", position, 3))
+        self._open_hand()
+
+    def _open_hand(self) -> None:
+        """Open the fingers, or close them around what is moved, by where both are seen."""
+        moved = self._ball if self._skill is None else self._moved.get(self._skill.moves)
+        if moved is None or not (moved.visible and self._hand.visible):
+            return
+        is_open = bool(np.linalg.norm(moved.position - self._hand.position) > IN_HAND)
+        for state, mesh in self._fingers.items():
+            if mesh.visible != (state == is_open):
+                mesh.visible = state == is_open
 
     def move_basket(self, position: np.ndarray) -> None:
         """The centre of its rim (3,) as it is seen."""
@@ -387,6 +403,7 @@ class Scene:
         self._scene.add_frame("/arm", show_axes=False)
         paths, capsules = {"world": "/arm"}, self._description.capsules
         base, hand = fixed_transforms(self._description)
+        joints = housings(self._description)
         at_zero = joint_transforms(self._description, np.zeros(len(self._description.joints)))
         for one in (base, *at_zero, hand):
             path = paths[one.child] = f"{paths[one.parent]}/{one.child}"
@@ -398,6 +415,17 @@ class Scene:
             ]:
                 colour = palette.FINGERS if one.child == hand.child else palette.ARM
                 self._add_mesh(f"{path}/shape", joined(shapes), colour)
+            if one.child in joints:
+                self._add_mesh(f"{path}/joint", joints[one.child], palette.JOINT)
+        self._fingers = {
+            is_open: self._add_mesh(
+                f"{paths[hand.child]}/{'open' if is_open else 'closed'}",
+                fingers(self._description, is_open),
+                palette.FINGERS,
+                visible=not is_open,
+            )
+            for is_open in (False, True)
+        }
         height = self._description.mount_height
         self._scene.add_cylinder(
             "/ground/mount",

@@ -22,6 +22,7 @@ from dart_skill.simulation import ArmGeometry, Camera
 from dart_skill.skills.learning import component_ellipsoids
 from dart_skill.skills.protocol import load_skill, skill_names
 from dart_skill.view import shapes
+from dart_skill.view.arm_shapes import fingers, housings
 from dart_skill.view.geometry import Trail, nearest_in, on_plane, outline, segments
 from tests.integration.browser import project
 from tests.throw_demonstrations import throw_demonstration
@@ -163,6 +164,29 @@ def test_the_shapes_of_the_arm_are_its_capsules(scene):
         assert on_it.min() < ends[k, 0] @ axis and on_it.max() > ends[k, 1] @ axis, (
             "both round ends are there"
         )
+
+
+def test_the_fingers_open_when_the_ball_has_left_the_hand(scene):
+    hand = path_of_link("bhand_base")
+    closed, opened = (node(scene, f"{hand}/{state}") for state in ("closed", "open"))
+    scene.move_ball(np.array([0.9, 0.0, 1.6]))
+    assert (closed.visible, opened.visible) == (True, False), "nobody has seen the hand"
+    scene.move_hand(np.array([0.8, 0.0, 1.6]), np.array([0.0, 0.0, 0.0, 1.0]))
+    assert (closed.visible, opened.visible) == (True, False)
+    scene.move_ball(np.array([1.2, 0.0, 1.9]))
+    assert (closed.visible, opened.visible) == (False, True)
+
+
+def test_housings_stand_at_the_joints_and_fingers_reach_around_what_is_held():
+    arm = the_arm()
+    for joint, mesh in zip(arm.joints, housings(arm).values(), strict=True):
+        assert np.abs(mesh.vertices.mean(axis=0)).max() < 1e-12, joint.child
+        assert np.linalg.norm(mesh.vertices[:, :2], axis=1).max() < 0.1
+    held = arm.hand.ball_centre[2]
+    for is_open in (False, True):
+        assert fingers(arm, is_open).vertices[:, 2].max() > held
+    wide, narrow = (np.ptp(fingers(arm, state).vertices[:, 0]) for state in (True, False))
+    assert wide > 1.5 * narrow
 
 
 def test_only_joints_that_moved_are_sent(scene, monkeypatch):
