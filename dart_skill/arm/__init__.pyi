@@ -69,6 +69,7 @@ from dart_skill.arm._plan_checks import unfollowable as unfollowable
 from dart_skill.arm._pointing_region import pointing_posture as pointing_posture
 from dart_skill.arm._pointing_region import pointing_region as pointing_region
 from dart_skill.arm._pointing_region import postures as postures
+from dart_skill.arm._range import held_in_range as held_in_range
 from dart_skill.arm._ready_posture import posture_at as posture_at
 from dart_skill.arm._ready_posture import ready_posture as ready_posture
 from dart_skill.arm._registration import KnownRegistration as KnownRegistration

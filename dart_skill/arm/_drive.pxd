@@ -59,11 +59,6 @@ cdef class JointSpring:
     @cython.locals(j=Py_ssize_t, torque=double[::1])
     cpdef damp(self, const double[:] qd)
 
-    @cython.locals(j=Py_ssize_t, torque=double[::1], longest=double, left=double, expected=double, most=double, asked=double)
-    cpdef brake(
-        self, const double[:] q, const double[:] qd, const double[:] start, const double[:] speed, const double[:] needed,
-        double time, double shortest)
-
     @cython.locals(most=double)
     cdef double _at(self, Py_ssize_t joint, double way, double faster) noexcept
 

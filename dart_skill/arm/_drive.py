@@ -310,45 +310,6 @@ class JointSpring:
             )
         return result
 
-    def brake(
-        self,
-        q: np.ndarray,
-        qd: np.ndarray,
-        start: np.ndarray,
-        speed: np.ndarray,
-        needed: np.ndarray,
-        time: float,
-        shortest: float,
-    ) -> np.ndarray:
-        """Torque (n,) [N m], within twice the limits, of a motion that dies away exponentially,
-        and of the pull to it.
-
-        Parameters
-        ----------
-        q, qd
-            Angles and speeds (n,).
-        start, speed
-            Those at the beginning (n,).
-        needed
-            Torque (n,) that would take away the speed in 1 s [N m].
-        time
-            Since the beginning [s].
-        shortest
-            Time constant [s]; where the torques do not suffice it is longer.
-        """
-        result, longest = np.empty(self._limit.shape[0]), shortest
-        torque = result
-        for j in range(self._limit.shape[0]):
-            longest = max(longest, abs(needed[j]) / (2.0 * self._limit[j]))
-        left = math.exp(-time / longest)
-        for j in range(self._limit.shape[0]):
-            expected, most = start[j] + longest * (1.0 - left) * speed[j], 2.0 * self._limit[j]
-            asked = -needed[j] * left / longest + self._at(
-                j, expected - q[j], left * speed[j] - qd[j]
-            )
-            torque[j] = min(max(asked, -most), most)
-        return result
-
     def _at(self, joint: int, way: float, faster: float) -> float:
         most = self._limit[joint]
         return min(max(self._stiffness[joint] * way + self._damping[joint] * faster, -most), most)

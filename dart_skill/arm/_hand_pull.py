@@ -12,6 +12,7 @@ from dart_skill.arm._guide import Guidance
 from dart_skill.arm._impedance import Impedance, JointServo, PoseGains
 from dart_skill.arm._model import ArmModel
 from dart_skill.arm._plan_checks import CommanderSettings
+from dart_skill.arm._range import held_in_range
 from dart_skill.common.arm_choice import joint_count
 
 
@@ -33,6 +34,7 @@ class HandPull:
     ):
         self._settings, self._servo = settings, servo
         self._swinging = description.swinging
+        self._ends = description.of_joints("lower"), description.of_joints("upper")
         self._arms = {
             carries: Impedance(
                 ArmModel(description, ball_in_hand=carries), settings.friction_compensation
@@ -137,6 +139,12 @@ class HandPull:
                 )
         acceleration = arm.pulled(q, qd, now.reference, now.gains, self._tracking)
         wrench, torque, qdd = arm.moved(q, qd, acceleration, self._aim(q, now))
+        step = time - then if self._expected is not None else 0.0
+        if step > 0.0:
+            terms = arm.model.jacobian(q), arm.model.mass_matrix(q)
+            kept = held_in_range(q, qd, qdd, self._ends, step, terms)
+            if kept is not qdd:
+                torque, qdd = torque + terms[1] @ (kept - qdd), kept
         self._expected = q, qd, qdd, time
         pull = self._servo.follow(state.position, state.velocity, q, qd)
         return wrench, torque + self._taken_out + pull

@@ -12,11 +12,8 @@ import numpy as np
 
 from dart_skill.arm._drive import Drive, JointSpring, turn
 from dart_skill.arm._model import ArmModel, HandState
+from dart_skill.arm._range import LENGTHS, time_to_end
 
-LENGTHS = np.array([1.0, 1.0, 1.0, 0.18, 0.18, 0.18])
-"""Metres that a metre, or a radian, of the hand's motion counts for when directions are compared:
-0.18 m from the wrist to the ball.
-"""
 SLOW = 0.02
 """Joint speed from which the direction of the motion tells that of the friction [rad/s]."""
 WEAK = 0.1
@@ -233,7 +230,9 @@ class JointServo:
 
     def __init__(self, impedance: Impedance):
         self._impedance = impedance
-        self.gains = g = impedance.model.description.servo
+        description = impedance.model.description
+        self.gains = g = description.servo
+        self._ends = description.of_joints("lower"), description.of_joints("upper")
         self._holding = JointSpring(g.stiffness, g.damping, g.limit)
         self._following = JointSpring(g.following_stiffness, g.following_damping, g.limit)
         self._at_rest = g.ahead * g.damping + g.ahead**2 * g.stiffness
@@ -291,11 +290,16 @@ class JointServo:
         """Torque (n,) [N m] that brings an arm that was at `start` with `speed` (n,) `time` [s]
         ago to rest: speeds die away together.
 
-        The torque is fed forward, so that no large gain acts on speeds that are measured late.
+        The torque is fed forward, so that no large gain acts on speeds that are measured late. A
+        joint that would run into the end of its range comes to rest sooner than the others.
         """
-        needed = self._impedance.model.at(q, qd).inertial_torque(speed)
-        torque = self._following.brake(q, qd, start, speed, needed, time, self.BRAKING_TIME)
-        return self._steady(q, torque, self._along)
+        terms, most = self._impedance.model.at(q, qd), 2.0 * self.gains.limit
+        together = max(self.BRAKING_TIME, float((np.abs(terms.inertial_torque(speed)) / most).max()))
+        lasts = np.minimum(together, time_to_end(start, speed, self._ends))
+        left = np.exp(-time / lasts)
+        pull = self._following.torque(q, qd, start + lasts * (1.0 - left) * speed, left * speed)
+        torque = pull - terms.inertial_torque(left / lasts * speed)
+        return self._steady(q, np.clip(torque, -most, most), self._along)
 
     def _steady(self, q: np.ndarray, torque: np.ndarray, grows: np.ndarray) -> np.ndarray:
         """Torque (n,) of springs and dampers as they would be `ahead` later: without it joints that

@@ -22,6 +22,10 @@ from dart_skill.movement._time import as_stamps
 
 QUIET = 0.3
 """Share of the lower threshold that the noise of a speed may make."""
+CREEPS = 0.05
+"""Share of its fastest speed at which a hand is at rest that never comes below the threshold: soft
+joints creep for seconds after a fast movement.
+"""
 BUNCHED = 0.3
 """Share of the mean step that the usual one is at least, unless stamps come in bursts."""
 MOST_BESIDE = 60
@@ -206,6 +210,8 @@ class VelocityThreshold:
         if instant is not None and any(time[begin] <= instant <= time[end] for begin, end in over):
             spans = over
         if spans and spans[-1][1] == len(time):
+            spans[-1] = self._crept(speeds, spans[-1][0])
+        if spans and spans[-1][1] == len(time):
             raise ValueError(
                 f"the motion that starts at {time[spans[-1][0]]:.3f} s never falls below"
                 f" {self.stop:g} m/s before the recording ends at {time[-1]:.3f} s (peak speed"
@@ -215,6 +221,14 @@ class VelocityThreshold:
         return [
             (begin, end) for begin, end in spans if time[end] - time[begin] >= self.min_duration
         ]
+
+    def _crept(self, speeds: np.ndarray, begin: int) -> tuple[int, int]:
+        """The span of a motion that does not come below `stop`, up to where an arm that only creeps
+        has come to rest; up to the end of the recording if it has not.
+        """
+        peak = begin + int(speeds[begin:].argmax())
+        slow = speeds[peak:] < CREEPS * speeds[peak]
+        return begin, peak + int(slow.argmax()) if slow.any() else len(speeds)
 
     def _merge(self, time: np.ndarray, spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
         """Spans, in which those that are less than max_pause apart are joined."""

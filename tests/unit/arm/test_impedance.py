@@ -336,16 +336,37 @@ def test_a_braked_motion_dies_away_with_a_time_constant_that_the_torques_allow(m
         the_arm().servo.limit,
         np.random.default_rng(3),
     )
-    for scale in (0.01, 10.0):
+    middle = 0.5 * (the_arm().of_joints("lower") + the_arm().of_joints("upper"))
+    for scale in (0.01, 1.5):
         q, qd, start, speed = (
             rng.normal(0.0, 1.0, (4, 7)) * np.array([0.01, 1.0, 0.01, scale])[:, None]
         )
+        q, start = middle + q, middle + start
         needed = model.mass_matrix(q) @ speed
         longest = max(0.12, (np.abs(needed) / (2 * limit)).max())
         left = np.exp(-time / longest)
         pull = servo.follow(q, qd, start + longest * (1 - left) * speed, left * speed)
         expected = np.clip(pull - needed * left / longest, -2 * limit, 2 * limit)
         np.testing.assert_allclose(servo.brake(q, qd, start, speed, time), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("side", ["lower", "upper"])
+@pytest.mark.parametrize("joint", range(7))
+def test_a_braked_joint_comes_to_rest_before_the_end_of_its_range(model, joint, side):
+    """Exact motors, no friction: the model itself is braked."""
+    servo, end = JointServo(Impedance(model)), the_arm().of_joints(side)[joint]
+    q, qd, step = the_arm().home.copy(), np.zeros(7), 0.002
+    sign = 1.0 if side == "upper" else -1.0
+    q[joint], qd[joint] = end - 0.3 * sign, 2.0 * sign
+    start, speed, most = q, qd, 0.0
+    for k in range(300):
+        torque = servo.brake(q, qd, start, speed, k * step)
+        terms = model.at(q, qd)
+        qdd = np.linalg.solve(model.mass_matrix(q), torque - terms.coriolis)
+        q, qd = q + step * qd + 0.5 * step**2 * qdd, qd + step * qdd
+        most = max(most, sign * q[joint])
+    assert most < sign * end, f"j{joint + 1} came to {sign * most:.3f} rad"
+    assert abs(qd[joint]) < 0.1
 
 
 def answers(q, qd, posture, wanted, seed):
@@ -361,7 +382,6 @@ def answers(q, qd, posture, wanted, seed):
         impedance.friction_torque(qd, q),
         servo.follow(q, qd, posture, q),
         servo.damp(q, qd),
-        servo.brake(q, qd, posture, q, 0.1),
     ]
 
 
