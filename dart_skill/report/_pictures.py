@@ -123,7 +123,7 @@ TESTS = (
 )
 PRACTISED = (
     "The throws that were learned from, in their order. They go to other baskets each time, where"
-    " throws are worst or where none was thrown yet, so this curve alone does not tell whether"
+    " a throw teaches most, so this curve alone does not tell whether"
     " practice helps. " + ERROR
 )
 UNTESTED = PRACTISED + " There were no tests (--tests 0)."

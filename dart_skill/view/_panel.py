@@ -328,7 +328,7 @@ class Panel:
             self._follow = self._gui.add_checkbox(
                 "Only here",
                 False,
-                hint="practise at the basket that is there, else where throws are worst",
+                hint="practise at the basket that is there, else where a throw teaches most",
                 visible=self._has_basket,
             )
             practise = self._button(

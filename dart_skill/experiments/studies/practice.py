@@ -159,7 +159,7 @@ def _spread(
 
 
 def _choose(skill: PractisingSkill, curriculum: Curriculum, baskets: np.ndarray) -> np.ndarray:
-    """The basket where throws are worst, of those for which there is a plan."""
+    """The basket at which a throw teaches most, of those for which there is a plan."""
     for k in curriculum.order(baskets):
         try:
             skill.plan(baskets[k])

@@ -1,5 +1,11 @@
-"""Which basket to practise next: the one where throws are worst, as far as one's own throws tell,
-or where none was thrown yet.
+"""Which basket to practise next: the one at which a throw teaches most of where throws are bad.
+
+Errors at places near to each other resemble each other, as a Gaussian process says. So a throw
+tells something of all places around its own, and less where many were thrown before. Chosen is the
+one that takes most of the expected squared error away, over all baskets that may be chosen (D.
+Cohn, Z. Ghahramani and M. Jordan, Active learning with statistical models, Journal of Artificial
+Intelligence Research 4, 1996). The worst place alone would be chosen again and again where an arm
+is bad and remains so, as at the end of its reach.
 """
 
 from __future__ import annotations
@@ -14,6 +20,8 @@ LENGTHS = (0.25, 0.35)
 """Over which errors tell of each other, in distance [m] and azimuth [rad]."""
 FADING = 0.95
 """Weight that an error loses with each later throw: the skill has learned since."""
+SCATTER = 1.0
+"""Variance of what does not repeat in an error, in parts of that of what places differ by."""
 UNSEEN_ERROR = 0.3
 """Error [m] of a throw whose landing was not seen."""
 ODD = 2.0
@@ -61,13 +69,9 @@ class Curriculum:
         """Root mean square (n,) [m] of the errors near targets (n, 3), newer ones counting more,
         and of UNKNOWN_ERROR, which counts as one.
         """
-        apart = (
-            _places(np.asarray(targets, dtype=float).reshape(-1, 3))[:, None] - self._places
-        ) / LENGTHS
+        places = _places(np.asarray(targets, dtype=float).reshape(-1, 3))
         age = np.arange(len(self._squares))[::-1]
-        weights = (
-            np.exp(-0.5 * np.einsum("ijk,ijk->ij", apart, apart)) * FADING**age * self._weights
-        )
+        weights = _resemblance(places, self._places) * FADING**age * self._weights
         return np.sqrt((UNKNOWN_ERROR**2 + weights @ self._squares) / (1.0 + weights.sum(axis=1)))
 
     def order(self, targets: np.ndarray) -> list[int]:
@@ -83,7 +87,25 @@ class Curriculum:
                 )
                 < 1.0
             )
-        return np.lexsort([-self.expected_error(targets), near]).tolist()
+        return np.lexsort([-self.gains(targets), near]).tolist()
+
+    def gains(self, targets: np.ndarray) -> np.ndarray:
+        """How much of the expected squared error at all targets (n, 3) a throw at each of them takes
+        away (n,) [m^2].
+        """
+        places = _places(np.asarray(targets, dtype=float).reshape(-1, 3))
+        covariance = _resemblance(places, places)
+        known = _resemblance(self._places, self._places) + np.diag(SCATTER / self._weights)
+        shared = _resemblance(places, self._places)
+        covariance -= shared @ np.linalg.solve(known, shared.T)
+        told = covariance**2 / (np.diag(covariance) + SCATTER)
+        return self.expected_error(targets) ** 2 @ told
+
+
+def _resemblance(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """How much errors at places (m, 2) and (n, 2) resemble each other (m, n), from 0 to 1."""
+    apart = (first[:, None] - second) / LENGTHS
+    return np.exp(-0.5 * np.einsum("ijk,ijk->ij", apart, apart))
 
 
 def _places(targets: np.ndarray) -> np.ndarray:

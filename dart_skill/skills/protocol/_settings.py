@@ -78,7 +78,7 @@ class SkillSettings:
         Name of how own trials are learned from: "residual", what repeats in the misses is taken
         out; "bootstrap", a trial is one more demonstration; "none". Throws have more.
     targets
-        Name of what chooses the next trial of practice: "drawn"; of throws "worst", of darts
+        Name of what chooses the next trial of practice: "drawn"; of throws "informative", of darts
         "best_aim".
     components
         Int. `n_components` of the DS-GMR.

@@ -63,7 +63,7 @@ class ThrowSettings(SkillSettings):
 
     representation: str = "dsgmr"
     refinement: str = "flight"
-    targets: str = "worst"
+    targets: str = "informative"
     frames: tuple[str, ...] = ("azimuth", "target")
     components: int = 16
     stiffness: float = 200.0

@@ -43,7 +43,7 @@ class AimedSkill(Skill):
             "practice": dict.fromkeys(
                 PRACTICE_METHODS, "dart_skill.skills.throw._practice:ThrowPractice"
             ),
-            "targets": {"worst": "dart_skill.skills.throw._target_choice:WorstTarget"},
+            "targets": {"informative": "dart_skill.skills.throw._target_choice:InformativeTarget"},
         }
     )
     settings_type = ThrowSettings

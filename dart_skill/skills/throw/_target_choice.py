@@ -1,4 +1,4 @@
-"""Baskets where throws are worst."""
+"""Baskets at which a throw teaches most."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from dart_skill.skills.throw import Throw
 
 
-class WorstTarget(TargetChoice):
-    """Baskets of the region, ordered by how badly throws went near them."""
+class InformativeTarget(TargetChoice):
+    """Baskets of the region, ordered by how much a throw there teaches of where throws are bad."""
 
     looks = False
     skill: Throw

@@ -333,7 +333,7 @@ def _result(row: dict) -> "TrialResult":
 def table(summary: dict) -> str:
     """What practice is worth, by the tests; then the errors of the practised throws in blocks."""
     lines = tests_table(summary["tests"])
-    lines += ["", "the practised throws, at baskets where throws are worst:"] if lines else []
+    lines += ["", "the practised throws, at baskets where a throw teaches most:"] if lines else []
     lines += [_HEAD.format("throws")]
     for first in range(0, len(summary["throws"]), BLOCK):
         block = summary["throws"][first : first + BLOCK]

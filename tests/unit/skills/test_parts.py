@@ -88,7 +88,7 @@ def test_every_part_that_is_offered_can_be_chosen(name, kind):
         ("place", {"refinement": "flight"}, "nothing of it is thrown"),
         ("darts", {"practice": "power"}, "those of baskets"),
         ("reach", {"practice": "power"}, "choose one of bootstrap, none, residual"),
-        ("throw", {"targets": "best_aim"}, "choose one of drawn, worst"),
+        ("throw", {"targets": "best_aim"}, "choose one of drawn, informative"),
         (
             "place",
             {"representation": "splines"},
