@@ -3,7 +3,7 @@
 # make test-all  every test
 # make test-oldest  unit tests of the library with the oldest NumPy, SciPy and Matplotlib that it takes
 # make setup   only the environment and the build           make setup PYTHON=python3.12
-# make docs    the documentation as a website in build/docs; a broken link is an error
+# make docs    the documentation as a website in build/docs, with a report of throws; a broken link is an error
 # make linkcheck  do the links to other sites still lead somewhere? needs the internet
 # make benchmark  speed beside other libraries, in an environment of its own; takes minutes, wants a quiet machine
 # make growth  the curves of docs/performance.md: bags to 10 GB, 20 graphs, all cores; takes an hour, 25 GB of disk, 10 GB of memory
@@ -67,6 +67,7 @@ setup:
 
 docs: setup
 	@$(ENV) && python3 -m sphinx -W --keep-going -q -b html docs build/docs
+	@rm -f build/docs/report.html && $(ENV) && dart-skill report bags/throws --output build/docs/report.html > /dev/null
 	@echo "build/docs/index.html"
 
 linkcheck: setup

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count, as_vector
-from dart_skill.darts._board import BED_SCORES, POSSIBLE_SCORES, place_of
+from dart_skill.darts._board import BED_SCORES, POSSIBLE_SCORES, RADII, bed_centres, place_of
 from dart_skill.darts._estimation import estimate_from_points
 from dart_skill.darts._exact import bed_probabilities, expected_score
 from dart_skill.darts._optimum import Aim, best_aim, local_optima, optimum_path
@@ -76,10 +76,10 @@ class RecentHits:
         return True
 
     def choose(self, beyond: Set[str]) -> Aim:
-        """The best aim that is not in one of the beds `beyond`; the bull before the first
-        estimate, or if no other bed is left.
+        """The best aim that is not in one of the beds `beyond`; before the first estimate the bull,
+        or a single bed around it. The bull if no other bed is left.
         """
-        aim = Aim(BULL, float("nan")) if self.spread is None else self._best(self.spread, beyond)
+        aim = _first(beyond) if self.spread is None else self._best(self.spread, beyond)
         self._aimed = aim.point
         return aim
 
@@ -89,6 +89,13 @@ class RecentHits:
             return best
         others = (aim for aim in local_optima(spread) if aim.bed not in beyond)
         return next(others, Aim(BULL, float(expected_score(BULL, spread))))
+
+
+def _first(beyond: Set[str]) -> Aim:
+    """The bull, or the single bed at it that is not in `beyond`."""
+    points = (BULL, *(point for point in bed_centres() if np.hypot(*point) < RADII[2]))
+    aims = (Aim(point, float("nan")) for point in points)
+    return next((aim for aim in aims if aim.bed not in beyond), Aim(BULL, float("nan")))
 
 
 LOWEST = 3.0

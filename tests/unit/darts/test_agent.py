@@ -156,6 +156,18 @@ def test_a_bed_at_which_no_throw_comes_about_is_left_alone():
     assert "T20" not in told(agent, 10, 3.0, rng) and agent.expected_score > 30.0
 
 
+def test_before_the_first_estimate_a_bull_out_of_reach_is_left_for_the_beds_around_it():
+    """As of an arm that was shown darts in the lower half of the board only."""
+    agent, tried = ModelBasedAgent("hits"), []
+    while agent.aim[1] > -40.0:
+        tried.append(agent.bed)
+        agent.cannot()
+    assert tried[0] == "DB" and len(set(tried)) == len(tried) < 22
+    assert np.hypot(*agent.aim) < 100.0
+    told(agent, 10, 3.0, np.random.default_rng(3))
+    assert agent.spread is not None and agent.bed not in tried
+
+
 def test_so_is_one_by_an_agent_that_learns_from_scores():
     agent = ModelBasedAgent()
     for _ in range(100):
