@@ -5,6 +5,9 @@ the simulated world, at a basket that nobody demonstrated. Everything runs in th
 ROS.
 """
 
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -17,10 +20,14 @@ from dart_skill.session import Session, learn_from_bag
 # learned. The plan knows where the ball will come down.
 
 here = Path.cwd()
-checkout = next(
-    folder for folder in (here, *here.parents) if (folder / "bags/demonstrations").is_dir()
-)
-skill, report = learn_from_bag(checkout / "bags/demonstrations")
+found = [folder / "bags/demonstrations" for folder in (here, *here.parents)]
+bag = next((folder for folder in found if folder.is_dir()), None)
+if bag is None:  # installed with pip, beside no checkout: a simulated person shows throws anew
+    run = Path(tempfile.mkdtemp()) / "run"
+    demo = ["demo", "--layout", "in-process", "--throws", "1", "--output", str(run)]
+    subprocess.run([sys.executable, "-m", "dart_skill", *demo], check=True)
+    bag = run / "bag"
+skill, report = learn_from_bag(bag)
 print(f"learned from {len(report.learned_from)} throws")
 
 basket = np.array([1.9, 0.7, 0.4])  # centre of the rim [m]

@@ -711,7 +711,7 @@ TYPED = {
     "dart-skill experiment practice --methods residual --demonstrations 3 --throws 20 --tested-after 0,10,20 --seeds 20 --configuration intervals": Run(
         "--throws 1 --tested-after 0,1 --tests 1 --seeds 1", says="residual"
     ),
-    "dart-skill experiment practice --methods residual --arms fleet --first-seed 2000 --seeds 40 --throws 50 --tested-after 0,10,25,50 --again 6": Elsewhere(
+    "dart-skill experiment practice --methods residual --arms fleet --first-seed 2000 --seeds 40 --throws 50 --tested-after 0,10,25,50": Elsewhere(
         "unit/experiments/test_practice.py::test_a_tiny_run_practises_and_is_tested"
     ),
     "dart-skill experiment practice --methods residual --throws 50 --tested-after 0,10,20,50 --again 16 --seeds 20 --configuration intervals": Elsewhere(
