@@ -1,4 +1,6 @@
-"""A letter, written to where nobody wrote it ==========================================
+"""
+A letter, written to where nobody wrote it
+==========================================
 
 Six demonstrations of one letter S, with noise, each of another size and at another place. DS-GMR
 (thesis 7.18 to 7.21) encodes the attractor that would have pulled the pen, in two task frames: one

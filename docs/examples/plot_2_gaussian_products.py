@@ -1,4 +1,6 @@
-"""Two points of view agree: products of Gaussians ===============================================
+"""
+Two points of view agree: products of Gaussians
+===============================================
 
 Each task frame brings a Gaussian of its own. Their product (3.8) is where both of them agree: the
 more certain one wins, in each direction by itself. So task frames are combined for a new situation

@@ -1,4 +1,6 @@
-"""Movement primitives, of positions and of poses ==============================================
+"""
+Movement primitives, of positions and of poses
+==============================================
 
 A primitive (thesis 7.6 to 7.13) learns a movement from one demonstration. Its goal and its
 duration may change at any step. The same for poses turns on the unit quaternions, so no angle can
@@ -31,7 +33,10 @@ made = np.array(made)
 print(f"ends {1e3 * np.linalg.norm(made[-1] - goal):.1f} mm from the new goal")
 assert np.linalg.norm(made[-1] - goal) < 0.002
 
-# %% Poses: half a turn and more --------------------------- A pose is a row x, y, z and a
+# %%
+# Poses: half a turn and more
+# ---------------------------
+# A pose is a row x, y, z and a
 # quaternion x, y, z, w. Here the hand turns by 200 degrees about x while it moves.
 
 half = 0.5 * np.radians(200.0) * share

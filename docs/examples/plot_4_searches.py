@@ -1,4 +1,6 @@
-"""PoWER against CMA-ES ====================
+"""
+PoWER against CMA-ES
+====================
 
 Two searches for parameters with a high return, on a landscape that is ten thousand times steeper
 in one direction than in another, and turned. PoWER (thesis 5.1, 5.2) weights what was tried with

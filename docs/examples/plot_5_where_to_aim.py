@@ -1,4 +1,6 @@
-"""Darts: where to aim with how much precision ===========================================
+"""
+Darts: where to aim with how much precision
+===========================================
 
 A dart lands about its aim with a spread, the standard deviation sigma. For each spread there is a
 best aim (thesis chapter 6). It moves as the thrower gets better, and it jumps once.

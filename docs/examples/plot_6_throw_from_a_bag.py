@@ -1,4 +1,6 @@
-"""Learn to throw from a bag, and throw ====================================
+"""
+Learn to throw from a bag, and throw
+====================================
 
 A recording of thirteen guided throws teaches the arm (``bags/demonstrations``). Then it throws in
 the simulated world, at a basket that nobody demonstrated. Everything runs in this process, without
@@ -16,7 +18,10 @@ import numpy as np
 from dart_skill.figures import RIM_RADIUS
 from dart_skill.session import Session, learn_from_bag
 
-# %% From the bag to a plan ---------------------- The throws are cut out of the recording, and
+# %%
+# From the bag to a plan
+# ----------------------
+# The throws are cut out of the recording, and
 # learned. The plan knows where the ball will come down.
 
 here = Path.cwd()
@@ -37,7 +42,10 @@ print(
     f" {1e3 * np.linalg.norm(plan.thrown.landing - basket):.1f} mm from the middle"
 )
 
-# %% The throw --------- The simulated arm has friction, motor limits and a hand that opens late.
+# %%
+# The throw
+# ---------
+# The simulated arm has friction, motor limits and a hand that opens late.
 # Cameras judge where the ball came down.
 
 session = Session(seed=1)

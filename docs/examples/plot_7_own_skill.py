@@ -1,4 +1,6 @@
-"""A skill of one's own ====================
+"""
+A skill of one's own
+====================
 
 A skill says what is particular to it: which bodies it needs, and what counts as done. The rest,
 from recordings to plans, is the same for all skills. Here the hand presses a button from above.

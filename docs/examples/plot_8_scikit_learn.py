@@ -1,4 +1,6 @@
-"""The mixture against that of scikit-learn ========================================
+"""
+The mixture against that of scikit-learn
+========================================
 
 Both fit Gaussian mixtures by EM. From the same start they find the same mixture. The one of this
 package takes weights of the samples, too, and answers what robots ask: regression, products, maps
@@ -38,7 +40,10 @@ off = (
 print(f"means differ by {off[0]:.1e}, the mean log-likelihood by {off[1]:.1e}")
 assert off[0] < 1e-4 and off[1] < 1e-8
 
-# %% What theirs does not do ----------------------- Weights: here the right half counts ten times.
+# %%
+# What theirs does not do
+# -----------------------
+# Weights: here the right half counts ten times.
 # Regression: where is y for a given x, and how sure is that?
 
 weighted = GaussianMixture(4).fit(
