@@ -110,10 +110,7 @@ class Commander:
         self._measured = measured
         self._description = description or the_arm()
         share = self.settings.friction_compensation
-        self._lower, self._upper = (
-            self._description.of_joints("lower"),
-            self._description.of_joints("upper"),
-        )
+        self._lower, self._upper = self._description.ends
         # always in the state of the arm, not in that of an expected motion
         self.model = ArmModel(self._description)
         # what the commander asks of a joint is cut to its limit: there is nothing to watch

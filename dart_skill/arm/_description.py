@@ -333,6 +333,11 @@ class ArmDescription:
         """Centre of the shoulder in the world (3,) [m]."""
         return np.array([0.0, 0.0, self.mount_height + self.shoulder_height])
 
+    @cached_property
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper ends of the joints' ranges (n,) each [rad]."""
+        return self.of_joints("lower"), self.of_joints("upper")
+
     def of_joints(self, field: str) -> np.ndarray:
         """One field of all joints as an array (n,), for example "peak_torque"."""
         return np.array([getattr(joint, field) for joint in self.joints])
@@ -419,7 +424,7 @@ def _dh(rows: list[dict]) -> np.ndarray:
 
 
 def _reach(dh: np.ndarray) -> float:
-    """Of the stretched arm, whose elbow is offset from both its links."""
+    """Reach of the stretched arm [m], whose elbow is offset from both its links."""
     (_, _, _), _, (_, offset, upper), (_, back, _), (_, _, fore), _, (_, _, wrist) = dh
     return float(np.hypot(upper, offset) + np.hypot(fore, back) + wrist)
 

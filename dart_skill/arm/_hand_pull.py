@@ -34,7 +34,6 @@ class HandPull:
     ):
         self._settings, self._servo = settings, servo
         self._swinging = description.swinging
-        self._ends = description.of_joints("lower"), description.of_joints("upper")
         self._arms = {
             carries: Impedance(
                 ArmModel(description, ball_in_hand=carries), settings.friction_compensation
@@ -130,21 +129,17 @@ class HandPull:
         the joints' servo lives.
         """
         arm, q, qd = self._arms[now.carries], state.position.copy(), np.zeros(joint_count())
+        step = 0.0
         if self._expected is not None:  # else the motion begins at rest where the arm is
             q, qd, qdd, then = self._expected
-            q, qd = coasted(q, qd, qdd, time - then)
+            step = time - then
+            q, qd = coasted(q, qd, qdd, step)
             if careful:
-                self._taken_out = self._servo.take_out(
-                    self._taken_out, state.position, q, time - then
-                )
+                self._taken_out = self._servo.take_out(self._taken_out, state.position, q, step)
         acceleration = arm.pulled(q, qd, now.reference, now.gains, self._tracking)
         wrench, torque, qdd = arm.moved(q, qd, acceleration, self._aim(q, now))
-        step = time - then if self._expected is not None else 0.0
-        if step > 0.0:
-            terms = arm.model.jacobian(q), arm.model.mass_matrix(q)
-            kept = held_in_range(q, qd, qdd, self._ends, step, terms)
-            if kept is not qdd:
-                torque, qdd = torque + terms[1] @ (kept - qdd), kept
+        if step > 0.0 and (kept := held_in_range(arm.model, q, qd, qdd, step)) is not qdd:
+            torque, qdd = torque + arm.model.mass_matrix(q) @ (kept - qdd), kept
         self._expected = q, qd, qdd, time
         pull = self._servo.follow(state.position, state.velocity, q, qd)
         return wrench, torque + self._taken_out + pull

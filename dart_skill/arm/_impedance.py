@@ -12,7 +12,7 @@ import numpy as np
 
 from dart_skill.arm._drive import Drive, JointSpring, turn
 from dart_skill.arm._model import ArmModel, HandState
-from dart_skill.arm._range import LENGTHS, time_to_end
+from dart_skill.arm._range import LEAST_MOBILITY, LENGTHS, time_to_end
 
 SLOW = 0.02
 """Joint speed from which the direction of the motion tells that of the friction [rad/s]."""
@@ -97,7 +97,7 @@ class Impedance:
         friction_compensation: float = 0.8,
         null_stiffness: float = 60.0,
         null_damping: float = 12.0,
-        least_mobility: float = 0.08,
+        least_mobility: float = LEAST_MOBILITY,
         weak_drive: float = WEAK,
     ):
         self.model = model
@@ -232,7 +232,7 @@ class JointServo:
         self._impedance = impedance
         description = impedance.model.description
         self.gains = g = description.servo
-        self._ends = description.of_joints("lower"), description.of_joints("upper")
+        self._ends = description.ends
         self._holding = JointSpring(g.stiffness, g.damping, g.limit)
         self._following = JointSpring(g.following_stiffness, g.following_damping, g.limit)
         self._at_rest = g.ahead * g.damping + g.ahead**2 * g.stiffness
@@ -294,7 +294,9 @@ class JointServo:
         joint that would run into the end of its range comes to rest sooner than the others.
         """
         terms, most = self._impedance.model.at(q, qd), 2.0 * self.gains.limit
-        together = max(self.BRAKING_TIME, float((np.abs(terms.inertial_torque(speed)) / most).max()))
+        together = max(
+            self.BRAKING_TIME, float((np.abs(terms.inertial_torque(speed)) / most).max())
+        )
         lasts = np.minimum(together, time_to_end(start, speed, self._ends))
         left = np.exp(-time / lasts)
         pull = self._following.torque(q, qd, start + lasts * (1.0 - left) * speed, left * speed)

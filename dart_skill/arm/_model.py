@@ -159,7 +159,7 @@ def _build(description: ArmDescription, ball_in_hand: bool) -> tuple[pin.Model, 
 
 
 def _segments(description: ArmDescription) -> list[tuple[pin.SE3, Inertial, pin.SE3]]:
-    """Of each joint: its frame in that of the joint before, its link, and the frame of that in the
+    """For each joint its frame in that of the joint before, its link, and the frame of that in the
     frame of the joint.
     """
     if description.dh is None:

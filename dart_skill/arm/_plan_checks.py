@@ -160,7 +160,7 @@ def check_plan(plan: MotionPlan, settings: CommanderSettings, description: ArmDe
     """PlanRefused, with the value and the limit, if the plan leaves the joints' range or the
     hand's speed limit.
     """
-    lower, upper = description.of_joints("lower"), description.of_joints("upper")
+    lower, upper = description.ends
     check_range("the start posture", plan.start_posture, lower, upper)
     speed = float(np.linalg.norm(plan.path.velocity[:, :3], axis=1).max())
     fastest = (
@@ -208,7 +208,7 @@ def unfollowable(plan: MotionPlan, description: ArmDescription) -> str:
     The joints go from posture to posture along the path, by steps of damped least squares.
     """
     model, path = ArmModel(description), plan.path
-    lower, upper = description.of_joints("lower"), description.of_joints("upper")
+    lower, upper = description.ends
     fastest = description.of_joints("no_load_speed")
     posture, rotations = plan.start_posture, matrices(unit(path.quaternion))
     before, time = posture, 0.0

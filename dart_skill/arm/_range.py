@@ -8,6 +8,8 @@ Robotics, 2015), one joint after the other.
 
 import numpy as np
 
+from dart_skill.arm._model import ArmModel
+
 APPROACH = 0.05
 """A joint that is so fast that it would be at the end within this time is slowed down [s]."""
 ROOM = 0.05
@@ -19,45 +21,32 @@ LENGTHS = np.array([1.0, 1.0, 1.0, 0.18, 0.18, 0.18])
 0.18 m from the wrist to the ball.
 """
 LEAST_MOBILITY = 0.08
-"""A direction in which the other joints move the hand less easily is left to itself gradually
-[1/kg].
-"""
+"""A direction in which joints move the hand less easily is left to itself gradually [1/kg]."""
 
 
 def held_in_range(
-    q: np.ndarray,
-    qd: np.ndarray,
-    qdd: np.ndarray,
-    ends: tuple[np.ndarray, np.ndarray],
-    step: float,
-    terms: tuple[np.ndarray, np.ndarray],
+    model: ArmModel, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, step: float
 ) -> np.ndarray:
     """Accelerations (n,) [rad/s^2] with which no joint runs into the end of its range, and the hand
-    accelerates as before where the other joints can do it.
+    accelerates as before where the other joints can do it; the same object where none has to.
 
     Parameters
     ----------
+    model
+        Of the arm.
     q, qd, qdd
         Angles, speeds and the accelerations that are wanted (n,).
-    ends
-        Lower and upper ends of the ranges (n,) [rad].
     step
         Time for which the accelerations hold [s].
-    terms
-        Jacobian of the hand (6, n) and inertia of the joints (n, n).
     """
-    lower, upper = ends
+    lower, upper = model.description.ends
     least = (np.minimum(lower + ROOM - q, 0.0) / APPROACH - qd) / step
     most = (np.maximum(upper - ROOM - q, 0.0) / APPROACH - qd) / step
     result, held = qdd, np.zeros(len(q), dtype=bool)
-    for _ in range(len(q)):
-        beyond = np.where(held, 0.0, np.maximum(result - most, least - result))
-        worst = int(beyond.argmax())
-        if beyond[worst] <= 0.0:
-            return result
-        held[worst] = True
-        result = _replaced(qdd, np.clip(result, least, most), held, *terms)
-    return np.clip(result, least, most)
+    while (beyond := np.where(held, 0.0, np.maximum(result - most, least - result))).max() > 0.0:
+        held[beyond.argmax()] = True
+        result = _replaced(model, q, qdd, np.clip(result, least, most), held)
+    return result
 
 
 def time_to_end(q: np.ndarray, qd: np.ndarray, ends: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
@@ -70,23 +59,19 @@ def time_to_end(q: np.ndarray, qd: np.ndarray, ends: tuple[np.ndarray, np.ndarra
 
 
 def _replaced(
-    wanted: np.ndarray,
-    bounded: np.ndarray,
-    held: np.ndarray,
-    jacobian: np.ndarray,
-    inertia: np.ndarray,
+    model: ArmModel, q: np.ndarray, wanted: np.ndarray, bounded: np.ndarray, held: np.ndarray
 ) -> np.ndarray:
     """Accelerations (n,) of which those held (n,) are bounded, and the others make up for it with
     the least kinetic energy of their own.
     """
-    change = np.where(held, bounded - wanted, 0.0)
-    free = ~held
-    if free.any():
-        moves = LENGTHS[:, None] * jacobian[:, free]
-        eased = np.linalg.solve(inertia[np.ix_(free, free)], moves.T)
-        mobile, directions = np.linalg.eigh(moves @ eased)
-        share = np.minimum(np.maximum(mobile, 0.0) / LEAST_MOBILITY, 1.0) ** 2
-        missing = directions.T @ (LENGTHS * (jacobian @ change))
-        force = directions @ (share / np.maximum(mobile, 1e-12) * missing)
-        change[free] = -eased @ force
+    change, free = np.where(held, bounded - wanted, 0.0), ~held
+    if not free.any():
+        return bounded
+    jacobian = LENGTHS[:, None] * model.jacobian(q)
+    moves = jacobian[:, free]
+    eased = np.linalg.solve(model.mass_matrix(q)[np.ix_(free, free)], moves.T)
+    mobile, directions = np.linalg.eigh(moves @ eased)
+    # the share min(mobile / least, 1)^2 of what is missing, divided by the mobility
+    along = mobile / np.maximum(mobile, LEAST_MOBILITY) ** 2 * (directions.T @ jacobian @ change)
+    change[free] = -eased @ (directions @ along)
     return wanted + change

@@ -122,7 +122,7 @@ class SafetyModule:
         description = description or the_arm()
         self._limits, self._patience = limits, patience
         self._model = ArmModel(description)
-        lower, upper = description.of_joints("lower"), description.of_joints("upper")
+        lower, upper = description.ends
         self._middle, self._half = 0.5 * (lower + upper), 0.5 * (upper - lower)
         self._strongest = limits.torque_share * description.of_joints("peak_torque")
         self._fastest = {

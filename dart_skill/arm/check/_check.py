@@ -122,7 +122,7 @@ def _safety_lines(limits: Mapping, description: ArmDescription, simulated: bool)
         float(limits[name]) for name in ("strongest_force", "fastest_hand", "farthest_error")
     )
     firmest = STRONGEST_FORCE if simulated else FIRST_FORCE
-    lower, upper = description.of_joints("lower"), description.of_joints("upper")
+    lower, upper = description.ends
     margin = float(limits["joint_margin"])
     inside = bool(np.all(upper - lower > 2.0 * margin))
     height = description.mount_height

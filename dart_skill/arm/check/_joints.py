@@ -74,7 +74,7 @@ def _names(stream: HeardJoints, description: ArmDescription) -> Line:
 
 
 def _positions(stream: HeardJoints, description: ArmDescription, overrun: float) -> Line:
-    lower, upper = description.of_joints("lower"), description.of_joints("upper")
+    lower, upper = description.ends
     asked = "within the joints' range, radians"
     q = stream.position
     if q.shape[1:] != (len(lower),) or not len(q):

@@ -72,7 +72,8 @@ def _stretched(model: ArmModel, q: np.ndarray) -> str:
 
 def _at_an_end(model: ArmModel, q: np.ndarray) -> str:
     joints = model.description
-    left = np.minimum(q - joints.of_joints("lower"), joints.of_joints("upper") - q).min(axis=0)
+    lower, upper = joints.ends
+    left = np.minimum(q - lower, upper - q).min(axis=0)
     j = int(left.argmin())
     if left[j] > NEAR_END:
         return ""
