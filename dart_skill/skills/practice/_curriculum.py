@@ -20,6 +20,10 @@ LENGTHS = (0.25, 0.35)
 """Over which errors tell of each other, in distance [m] and azimuth [rad]."""
 FADING = 0.95
 """Weight that an error loses with each later throw: the skill has learned since."""
+REMEMBERED = 200
+"""Throws at most, the latest: of older ones nothing is left by FADING, and each counts in every
+choice.
+"""
 SCATTER = 1.0
 """Variance of what does not repeat in an error, in parts of that of what places differ by."""
 UNSEEN_ERROR = 0.3
@@ -56,20 +60,18 @@ class Curriculum:
         self._add(target, 0.0, GIVEN_UP)
 
     def _add(self, target: np.ndarray, error: float, weight: float) -> None:
-        place = _places(np.reshape(np.asarray(target, dtype=float), (1, 3)))
+        place = _places(target)
         if not np.isfinite(place).all():
             raise ValueError(f"target {target} of a throw is not finite")
-        self._places, self._squares = (
-            np.vstack([self._places, place]),
-            np.append(self._squares, error**2),
-        )
-        self._weights = np.append(self._weights, weight)
+        self._places = np.vstack([self._places, place])[-REMEMBERED:]
+        self._squares = np.append(self._squares, error**2)[-REMEMBERED:]
+        self._weights = np.append(self._weights, weight)[-REMEMBERED:]
 
     def expected_error(self, targets: np.ndarray) -> np.ndarray:
         """Root mean square (n,) [m] of the errors near targets (n, 3), newer ones counting more,
         and of UNKNOWN_ERROR, which counts as one.
         """
-        places = _places(np.asarray(targets, dtype=float).reshape(-1, 3))
+        places = _places(targets)
         age = np.arange(len(self._squares))[::-1]
         weights = _resemblance(places, self._places) * FADING**age * self._weights
         return np.sqrt((UNKNOWN_ERROR**2 + weights @ self._squares) / (1.0 + weights.sum(axis=1)))
@@ -81,19 +83,15 @@ class Curriculum:
         """
         near = np.zeros(len(targets), dtype=bool)
         if self._odd is not None:
-            near = (
-                np.linalg.norm(
-                    (_places(np.asarray(targets, dtype=float)) - self._odd) / ELSEWHERE, axis=1
-                )
-                < 1.0
-            )
+            apart = (_places(targets) - self._odd) / ELSEWHERE
+            near = np.linalg.norm(apart, axis=1) < 1.0
         return np.lexsort([-self.gains(targets), near]).tolist()
 
     def gains(self, targets: np.ndarray) -> np.ndarray:
         """How much of the expected squared error at all targets (n, 3) a throw at each of them takes
         away (n,) [m^2].
         """
-        places = _places(np.asarray(targets, dtype=float).reshape(-1, 3))
+        places = _places(targets)
         covariance = _resemblance(places, places)
         known = _resemblance(self._places, self._places) + np.diag(SCATTER / self._weights)
         shared = _resemblance(places, self._places)
@@ -109,6 +107,6 @@ def _resemblance(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def _places(targets: np.ndarray) -> np.ndarray:
-    return np.column_stack(
-        [np.hypot(targets[:, 0], targets[:, 1]), np.arctan2(targets[:, 1], targets[:, 0])]
-    )
+    """Distance [m] and azimuth [rad] (n, 2) of targets (n, 3), or of one (3,)."""
+    x, y, _ = np.asarray(targets, dtype=float).reshape(-1, 3).T
+    return np.column_stack([np.hypot(x, y), np.arctan2(y, x)])

@@ -43,6 +43,16 @@ def test_a_place_that_stays_bad_does_not_take_all_throws():
     assert 2 * share * 40 < sum(thrown) < 20, f"{sum(thrown)} of 40 in the corner"
 
 
+def test_only_the_latest_throws_are_remembered():
+    """Hours of practice must not make each choice slower."""
+    long, short = Curriculum(), Curriculum()
+    targets = REGION.spread(500, np.random.default_rng(2))
+    for k, target in enumerate(targets):
+        for one in (long, *([short] if k >= 300 else [])):
+            one.tell(target, 0.01 + 1e-4 * k)
+    np.testing.assert_array_equal(long.gains(targets[:20]), short.gains(targets[:20]))
+
+
 def test_the_gain_is_that_of_a_gaussian_process_beside_its_definition():
     """Expected squared error times correlation, before a throw and after it."""
     curriculum = Curriculum()
