@@ -34,7 +34,7 @@ FROM_CODE = (
 extensions = ["myst_parser", "sphinx_rtd_theme", *FROM_CODE]
 exclude_patterns = ["examples/*", *(["api/*", "gallery/*"] if PROSE_ONLY else [])]
 # the order of the gallery is a function
-# a name in backticks may be an attribute of several classes
+# napoleon takes what stands before a colon for a type: an ordinary word is looked up, and may name several things
 suppress_warnings = ["toc.excluded"] if PROSE_ONLY else ["config.cache", "ref.python"]
 
 myst_heading_anchors = 4  # of the headings of Markdown, as GitHub makes them

@@ -29,7 +29,7 @@ from dart_skill.movement._via_points import TimedViaPoints, arrays_of
 N_STEPS = 100
 """Steps at which the basis functions are fitted to a demonstration."""
 RIDGE = 1e-8
-"""Of the regression, relative to the mean square of the basis functions."""
+"""Regularisation of the regression, relative to the mean square of the basis functions."""
 
 
 class ProMP(TimedViaPoints, SavableModel):

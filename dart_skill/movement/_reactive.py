@@ -32,11 +32,11 @@ class PhaseModel(Protocol):
 
     @property
     def stiffness(self) -> ArrayLike:
-        """Of (7.19) [1/s^2]."""
+        """Stiffness of (7.19) [1/s^2]."""
 
     @property
     def damping(self) -> ArrayLike:
-        """Of (7.19) [1/s]."""
+        """Damping of (7.19) [1/s]."""
 
     def moment(
         self, frames: Sequence[StateFrame], phase: float, inputs: ArrayLike | None = None

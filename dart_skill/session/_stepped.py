@@ -39,7 +39,7 @@ from dart_skill.skills.observation import Stream
 from dart_skill.skills.protocol import Skill
 
 STIFFNESS = 400.0
-"""Of the pull of the hand, per unit mass, critically damped [1/s^2]."""
+"""Stiffness of the pull of the hand per unit mass, critically damped [1/s^2]."""
 CLOSED = 0.15
 """Fingers have closed so long after they were told [s]."""
 LOOKED_NS = 500_000_000

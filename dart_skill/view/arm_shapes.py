@@ -16,8 +16,9 @@ THICKEST = 0.075
 NEAR_JOINT = 0.12
 """A capsule that ends so near to a joint is one of the links that meet there [m]."""
 THICKER = 1.12
-"""Of a housing than the thinnest of the links that it joins."""
+"""Radius of a housing, in parts of that of the thinnest link that meets there."""
 FINGERS = 3
+"""Number of fingers."""
 FINGER = 0.009
 """Radius of a finger [m]."""
 ROOT = 0.03
@@ -32,13 +33,13 @@ def housings(description: ArmDescription) -> dict[str, Mesh]:
     """A cylinder about the axis of each joint, by the link that it turns, in that link's frame."""
     found = {}
     for joint in description.joints:
+        at = {joint.child: np.zeros(3), joint.parent: joint.xyz}
         met = [
             one.radius
             for one in description.capsules
-            if one.link == joint.child
-            and min(np.linalg.norm(one.start), np.linalg.norm(one.end)) < NEAR_JOINT
-            or one.link == joint.parent
-            and min(np.linalg.norm(end - joint.xyz) for end in (one.start, one.end)) < NEAR_JOINT
+            if one.link in at
+            and min(np.linalg.norm(end - at[one.link]) for end in (one.start, one.end))
+            < NEAR_JOINT
         ]
         radius = min(THICKEST, THICKER * min(met, default=SLENDER))
         found[joint.child] = cylinder(radius, 1.7 * radius)

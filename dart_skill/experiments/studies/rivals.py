@@ -56,9 +56,9 @@ N_SAMPLES = 100
 COUNTS = (2, 5, 10, 13)
 """How many demonstrations are learned from."""
 COMPONENTS = 8
-"""Of a mixture."""
+"""Number of components of a mixture."""
 WEIGHTS = 50
-"""Of a primitive for each dimension."""
+"""Number of weights of a primitive for each dimension."""
 ONE_WEIGHT = 1e6
 """Weight of a prior with which a frame has one weight at a step, for all directions; and with which
 movement variables are learned apart."""

@@ -188,7 +188,7 @@ class _Pulse:
         return sum(machine in mine and not runs(number) for machine, number in self._processes())
 
     def _processes(self) -> list[tuple[bytes, int]]:
-        """Of those that are on the graph, as far as the middleware says which ones they are."""
+        """Processes that are on the graph, as far as the middleware says which ones they are."""
         return [process_of(one) for one in self._node.get_publishers_info_by_topic(self._topic)]
 
     @property

@@ -193,6 +193,17 @@ def test_unusable_recordings_are_refused(time, positions, message):
         VelocityThreshold().segment(time, positions)
 
 
+def test_a_hand_that_only_creeps_after_a_fast_movement_is_at_rest():
+    """Soft joints creep at 0.13 m/s after a peak of 3 m/s; at a tenth of it they would not rest."""
+    time, positions = recording([(1.0, 0.6, 1.0)])
+    creeping = positions + np.outer(np.maximum(time - 1.3, 0.0), [0.13, 0.0, 0.0])
+    (segment,) = VelocityThreshold().segment(time, creeping)
+    assert 1.5 < segment.motion_stop < 1.65
+    faster = positions + np.outer(np.maximum(time - 1.3, 0.0), [0.35, 0.0, 0.0])
+    with pytest.raises(ValueError, match="never falls below"):
+        VelocityThreshold().segment(time, faster)
+
+
 @pytest.mark.parametrize("noise", [3e-4, 1e-3, 2e-3, 5e-3])
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_that_the_samples_show_neither_begins_nor_prolongs_a_motion(noise, seed):

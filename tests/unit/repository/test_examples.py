@@ -1,5 +1,6 @@
 """The examples of the documentation run as they stand; what they promise, they assert themselves."""
 
+import ast
 import importlib.util
 import runpy
 import warnings
@@ -23,6 +24,15 @@ def at_home(monkeypatch):
     yield
     plt.close("all")
     matplotlib.use(backend)
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_has_a_heading_for_the_gallery(example):
+    """Else `make docs` fails: a formatter once joined heading and line into one."""
+    _, heading, line, *_ = ast.get_docstring(ast.parse(example.read_text()), clean=False).split(
+        "\n"
+    )
+    assert line == len(heading) * "=" and heading
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
