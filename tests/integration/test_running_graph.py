@@ -305,6 +305,17 @@ def test_a_lesson_that_is_refused_changes_nothing(client):
     assert client.throw(BETWEEN).outcome.success
 
 
+def test_lessons_without_a_situation_are_each_somewhere_else(client):
+    """`ros2 action send_goal /teach ... "{}"` was refused: the situation said where nothing is."""
+    baskets = []
+    for _ in range(2):
+        handle = client.wait(client.teach_action.send_goal_async(Teach.Goal()), "/teach")
+        result = client.wait(handle.get_result_async(), "the lesson").result
+        assert result.success, result.message
+        baskets.append(conversions.target_of(result.outcome.situation))
+    assert np.linalg.norm(baskets[1] - baskets[0]) > 0.05
+
+
 def test_a_cancelled_throw_stops_the_arm(client):
     joints = Joints(client)
     result, handle = begin_slow_throw(client, joints, BETWEEN)

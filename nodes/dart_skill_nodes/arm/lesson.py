@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
+import numpy as np
 from dart_skill_msgs.action import Teach
 from dart_skill_msgs.msg import Situation
 from dart_skill_msgs.srv import Reset, Step
@@ -36,6 +37,7 @@ class Lesson:
       at the bodies all the time; cameras: without which there is no lesson.
     * showings: ways of a simulated person, and of one with a pointer.
     * most: attempts in one situation.
+    * seed: of the situations that are drawn for goals that name none.
     * go_on: raises GraphFailure if the lesson under way shall not go on.
 
     Attribute: begun, whether the last one has moved anything; one that is refused has not.
@@ -51,12 +53,14 @@ class Lesson:
         cameras: Cameras,
         showings: tuple[Showing, PointerShowing],
         most: int,
+        seed: int,
         go_on: Callable[[], None],
     ):
         self._node, self._skill, self._call = node, skill, calls.call
         self._hands, self._seen, self._cameras = hands, seen, cameras
         self._person, self._pointer = showings
         self._most, self._go_on, self.begun = most, go_on, False
+        self._drawing = np.random.default_rng([seed, 5])
         self._recorder, self._unseen = RecorderCalls(node, calls, *OF_THE_RECORDER), ""
         self._step = node.create_client(Step, "simulation/step")
         self._reset = node.create_client(Reset, "simulation/reset")
@@ -70,7 +74,7 @@ class Lesson:
     async def give(self, goal_handle, result: Teach.Result) -> None:
         """The lesson of a goal, which fills its result; GraphFailure or ValueError says why it ends."""
         self.begun = False
-        request, situation = goal_handle.request, goal_handle.request.situation
+        request, situation = goal_handle.request, self._situation(goal_handle.request)
         showing = self._hands.showing = self._pointer if request.by_pointer else self._person
         attempts = 1 if request.by_pointer else request.max_attempts or self._most
         for attempt in range(1, attempts + 1):
@@ -92,6 +96,15 @@ class Lesson:
                 return
             result.message = kept.message or reason
             showing.learn_from(outcome)
+
+    def _situation(self, request: Teach.Goal) -> Situation:
+        """The situation of a goal; one that is drawn, a new one each time, where it names none."""
+        if request.situation.bodies or request.situation.names:
+            return request.situation
+        drawn = self._skill.draw(self._drawing)
+        if request.by_pointer:
+            drawn = self._skill.unhurried(drawn)
+        return conversions.situation_msg(drawn)
 
     async def _guided_movement(
         self, situation: Situation, again: bool, feed: Callable[[str], None]

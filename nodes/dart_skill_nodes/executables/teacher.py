@@ -77,6 +77,7 @@ class TeacherNode(GuardedNode):
             cameras,
             (self._person, self._pointer),
             self.p["max_attempts"],
+            self.p["seed"],
             self._go_on,
         )
         self.create_subscription(
