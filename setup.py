@@ -39,7 +39,12 @@ LIBRARY_DATA = [
     "py.typed",
     *(f"{'*/' * depth}*{kind}" for depth in range(4) for kind in (".pxd", ".pyi")),
 ]
-IN_THE_WHEEL = {"config": ["**/*"], "msg_schemas": ["package.xml", "msg/*", "srv/*", "action/*"]}
+EXAMPLE = "bags/five_demonstrations"
+IN_THE_WHEEL = {
+    "config": ["**/*"],
+    "msg_schemas": ["package.xml", "msg/*", "srv/*", "action/*"],
+    "bags": ["five_demonstrations/*"],
+}
 """Folders beside the library that the wheel takes into it, and which of their files."""
 
 
@@ -112,6 +117,7 @@ def of_the_workspace() -> dict:
                 f"share/{PACKAGE}/launch",
                 [str(path) for path in sorted(Path("launch").glob("*.launch.py"))],
             ),
+            (f"share/{PACKAGE}/{EXAMPLE}", [str(one) for one in sorted(Path(EXAMPLE).iterdir())]),
             *config_files(),
         ],
         "install_requires": ["setuptools"],

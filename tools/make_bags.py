@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Makes the bags that the tests and the quick start use: 13 demonstrations and 20 throws, recorded
-from this project's own graph.
+from this project's own graph; and of the first five demonstrations what learning needs, for the
+wheel.
 
     source tools/env.sh && python3 tools/make_bags.py FOLDER
 
@@ -24,6 +25,12 @@ import rclpy  # noqa: E402  the domain must be chosen before rclpy starts
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 
 from dart_skill.common.regions import targets_for  # noqa: E402
+from dart_skill.recording import (  # noqa: E402
+    BagReader,
+    BagWriter,
+    definition,
+    serialize,
+)
 from dart_skill_nodes.client.graph_client import GraphClient  # noqa: E402
 from dart_skill_nodes.process.graph_processes import GraphFailure  # noqa: E402
 from dart_skill_nodes.verbs.trials import teach, throw_at  # noqa: E402
@@ -46,6 +53,17 @@ TOPICS = [
     "/skill_learner/model",
 ]
 
+FEW = 5
+"""Demonstrations in the bag of the wheel."""
+NEEDED = (
+    "/joint_states",
+    *(f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket")),
+    "/wam/teacher_wrench",
+    "/robot_description",
+)
+"""Topics from which throws are learned; the teacher's tells when the hand opens."""
+THINNED_NS = 10_000_000
+"""Time between two joint states in the bag of the wheel [ns]."""
 PATIENCE = 30.0
 """For the recorder to hear every sensor [s, wall clock]."""
 
@@ -120,6 +138,27 @@ def make(folder: Path, logs: Path) -> None:
         client.close()
 
 
+def make_few(demonstrations: Path, few: Path) -> None:
+    """Copy what learning needs of the first demonstrations, joint states at the cameras' rate."""
+    joints, kept = NEEDED[0], -THINNED_NS
+    with BagReader(demonstrations) as bag:
+        shown = list(bag.messages(["/demonstrations"]))
+        with BagWriter(few, bag.custom_data, chunk_size=2**22, flush_period_ns=2**62) as copy:
+            for name in NEEDED:
+                topic = bag.topics[name]
+                text = definition(bag.types, topic.type_name)
+                copy.add_topic(name, topic.type_name, text, type_hash=topic.type_hash)
+            for one in bag.messages(NEEDED):
+                if one.stamp_ns > shown[FEW - 1].stamp_ns:
+                    break
+                if one.topic == joints:
+                    if one.stamp_ns - kept < THINNED_NS:
+                        continue
+                    kept = one.stamp_ns
+                content = serialize(bag.types, one.type_name, one.data)
+                copy.write(one.topic, one.stamp_ns, one.stamp_ns, content)
+
+
 def main() -> int:
     """Entry point; returns the exit status."""
     parser = argparse.ArgumentParser(
@@ -131,6 +170,7 @@ def main() -> int:
     try:
         with TemporaryDirectory() as logs:
             make(folder.resolve(), Path(logs))
+        make_few(folder / "demonstrations", folder / "five_demonstrations")
     except GraphFailure as failure:
         print(f"make_bags: {failure}", file=sys.stderr)
         return 1

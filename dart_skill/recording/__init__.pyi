@@ -6,6 +6,7 @@ from dart_skill.recording.bags import TopicInfo as TopicInfo
 from dart_skill.recording.bags import definition as definition
 from dart_skill.recording.bags import deserialize as deserialize
 from dart_skill.recording.bags import encoded as encoded
+from dart_skill.recording.bags import example_bag as example_bag
 from dart_skill.recording.bags import is_stamped as is_stamped
 from dart_skill.recording.bags import message as message
 from dart_skill.recording.bags import qos_yaml as qos_yaml

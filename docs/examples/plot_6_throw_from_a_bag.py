@@ -2,20 +2,16 @@
 Learn to throw from a bag, and throw
 ====================================
 
-A recording of thirteen guided throws teaches the arm (``bags/demonstrations``). Then it throws in
+A recording of five guided throws teaches the arm. It comes with the library. Then the arm throws in
 the simulated world, at a basket that nobody demonstrated. Everything runs in this process, without
 ROS.
 """
-
-import subprocess
-import sys
-import tempfile
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 
 from dart_skill.figures import RIM_RADIUS
+from dart_skill.recording import example_bag
 from dart_skill.session import Session, learn_from_bag
 
 # %%
@@ -24,15 +20,7 @@ from dart_skill.session import Session, learn_from_bag
 # The throws are cut out of the recording, and
 # learned. The plan knows where the ball will come down.
 
-here = Path.cwd()
-found = [folder / "bags/demonstrations" for folder in (here, *here.parents)]
-bag = next((folder for folder in found if folder.is_dir()), None)
-if bag is None:  # installed with pip, beside no checkout: a simulated person shows throws anew
-    run = Path(tempfile.mkdtemp()) / "run"
-    demo = ["demo", "--layout", "in-process", "--throws", "1", "--output", str(run)]
-    subprocess.run([sys.executable, "-m", "dart_skill", *demo], check=True)
-    bag = run / "bag"
-skill, report = learn_from_bag(bag)
+skill, report = learn_from_bag(example_bag())
 print(f"learned from {len(report.learned_from)} throws")
 
 basket = np.array([1.9, 0.7, 0.4])  # centre of the rim [m]

@@ -4,6 +4,7 @@ from dart_skill.recording.bags.check import check_file as check_file
 from dart_skill.recording.bags.check import glance as glance
 from dart_skill.recording.bags.columns import Columns as Columns
 from dart_skill.recording.bags.columns import columns_by_layout as columns_by_layout
+from dart_skill.recording.bags.files import example_bag as example_bag
 from dart_skill.recording.bags.messages import definition as definition
 from dart_skill.recording.bags.messages import deserialize as deserialize
 from dart_skill.recording.bags.messages import encoded as encoded

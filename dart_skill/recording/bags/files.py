@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import lz4.frame
 import zstandard
 
+from dart_skill.common.configuration import shared_folders
 from dart_skill.common.files import open_file
 from dart_skill.recording.mcap import (
     LARGEST_UNPACKED,
@@ -31,11 +32,32 @@ from dart_skill.recording.mcap import (
 if TYPE_CHECKING:
     from dart_skill.recording.bags._other_inputs import Ros1Input, SqliteInput
 
+EXAMPLE = "bags/five_demonstrations"
+"""Bag that comes with the library."""
 SUFFIXES = (".mcap", ".db3")
 SIDE_FILES = {"-wal": "write-ahead log", "-journal": "journal"}
 """Endings of what SQLite keeps beside a file: what is not in it yet, and what was in it before."""
 PACKED = (".zstd", ".zst", ".lz4")
 """Endings of a file that was compressed as a whole, behind its own."""
+
+
+def example_bag() -> Path:
+    """Bag of five guided throws, which comes with the library: enough to learn from.
+
+    Poses of hand, ball and basket (100 Hz), joint states (100 Hz), and the teacher's commands.
+
+    Raises
+    ------
+    FileNotFoundError
+        If it was not installed.
+    """
+    folders = shared_folders(EXAMPLE, "dart_skill", EXAMPLE)
+    for folder in folders:
+        if folder.is_dir():
+            return folder
+    raise FileNotFoundError(
+        f"the bag {EXAMPLE} is not in {', '.join(map(str, folders))}: install again"
+    )
 
 
 def unpacked_name(name: str) -> str:

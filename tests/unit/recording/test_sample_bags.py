@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import Reader
 
-from dart_skill.recording import BagReader, read_demonstrations, type_hash, types_for
+from dart_skill.recording import BagReader, example_bag, read_demonstrations, type_hash, types_for
 from dart_skill.recording.bags import check_bag
 from dart_skill.recording.imports.throw_recording import read_recording
 from dart_skill.session import find_throws, learn_from_bag, learn_skill
@@ -51,6 +51,24 @@ def test_bags_that_are_shipped_are_of_today(name):
             assert info.type_hash == type_hash(types_for(info.type_name), info.type_name), (
                 f"{topic}: make the bags again (bags/README.md)"
             )
+
+
+def test_the_bag_of_the_library_has_the_first_five_demonstrations():
+    with BagReader(example_bag()) as few, BagReader(BAGS / "demonstrations") as all_of_them:
+        for topic in ("/vrpn_mocap/hand/pose", "/vrpn_mocap/ball/pose"):
+            ours, theirs = (_positions(bag, topic) for bag in (few, all_of_them))
+            assert len(ours) > 1000
+            np.testing.assert_array_equal(ours, theirs[: len(ours)])
+    assert check_bag(example_bag()) == []
+    skill, report = learn_from_bag(example_bag())
+    assert len(report.learned_from) == 5
+    landing = skill.plan(np.array([1.9, 0.7, 0.4])).thrown.landing
+    assert np.linalg.norm(landing[:2] - [1.9, 0.7]) < 0.01
+
+
+def _positions(bag, topic):
+    places = (one.data.pose.position for one in bag.messages([topic]))
+    return np.array([(place.x, place.y, place.z) for place in places])
 
 
 def test_together_they_are_small():

@@ -30,6 +30,7 @@ BUILT_FROM = (
     "dart_skill",
     "config",
     "msg_schemas",
+    "bags/five_demonstrations",
     "requirements",
     "setup.py",
     "setup.cfg",
@@ -462,6 +463,16 @@ def test_the_main_job_runs_without_ros_and_says_what_it_leaves_out(simulating):
         "learned from 3 of 4 throws"
         in simulating.dart_skill("learn", "run/bag", "--output", "again.npz")[0]
     )
+
+
+@pytest.mark.slow
+def test_the_bag_of_the_wheel_teaches(simulating):
+    script = (
+        "from dart_skill.session import learn_from_bag;"
+        " from dart_skill.recording import example_bag;"
+        " print(len(learn_from_bag(example_bag())[1].learned_from))"
+    )
+    assert simulating.run(simulating.python, "-c", script)[0].strip() == "5"
 
 
 def test_pictures_and_the_live_view_need_what_their_extras_bring(wheel, tmp_path):
