@@ -14,6 +14,11 @@ EXAMPLE = ROOT / "tests" / "example_package"
 def install_example(folder):
     """A copy of the example package with its metadata; the folder that must be on the path."""
     shutil.copytree(EXAMPLE, folder)
+    return with_metadata(folder)
+
+
+def with_metadata(folder):
+    """The folder of a package, to which a development install adds its metadata."""
     subprocess.run(
         [sys.executable, "-c", "import setuptools; setuptools.setup()", "--quiet", "egg_info"],
         cwd=folder,

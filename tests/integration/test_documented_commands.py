@@ -115,6 +115,9 @@ MACHINES = Not("is about other machines")
 WITH_LEROBOT = Not(
     "needs lerobot, with torch 5.4 GB; lerobot_policy_dsgmr/tests train and evaluate where there is one"
 )
+OWN_TASK = Elsewhere(
+    "integration/test_own_task.py::test_the_task_of_the_page_is_shown_with_a_pointer_and_made_elsewhere"
+)
 WHEEL = Elsewhere(
     "unit/repository/test_wheel.py::test_the_main_job_runs_without_ros_and_says_what_it_leaves_out"
 )
@@ -217,6 +220,8 @@ TYPED = {
     "pip install 'dart_skill[c3d]'": NETWORK,
     "pip install 'dart_skill[foxglove]'": NETWORK,
     "pip install .": WHEEL,
+    "pip install --no-build-isolation -e .": OWN_TASK,
+    "dart-skill up --skill beside --viewer": OWN_TASK,
     "pip install '.[sim,plot,view]'": WHEEL,
     "dart-skill demo --layout in-process": Elsewhere(
         "integration/test_demo.py::test_in_process_the_arm_throws_the_same_throws_to_the_last_bit"
