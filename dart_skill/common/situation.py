@@ -141,7 +141,7 @@ class Situation:
             turned = f", turned by {turn:+.0f} degrees" if abs(turn) > 0.5 else ""
             said.append(f"{role} at {x:.2f}, {y:.2f}, {z:.2f} m{turned}")
         for name, number in self.numbers.items():
-            said.append(f"{name} {number + 0.0:.3g} {(units or {}).get(name, '')}".rstrip())
+            said.append(f"{name} {_short(number)} {(units or {}).get(name, '')}".rstrip())
         return "; ".join(said) or "nothing is said of it"
 
     def to_json(self) -> dict[str, Any]:
@@ -151,6 +151,11 @@ class Situation:
             for role, pose in self.poses.items()
         }
         return {**poses, **self.numbers}
+
+
+def _short(number: float) -> str:
+    """A number with three digits, and no more than four decimals."""
+    return f"{round(float(f'{number:.3g}'), 4) + 0.0:g}"
 
 
 def _turn(pose: Pose) -> Any:

@@ -9,24 +9,27 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from dart_skill.darts import name_at
-from dart_skill.figures._board import LIMIT, draw_board, draw_wires
+from dart_skill.figures._board import draw_board, draw_wires
 from dart_skill.figures._style import (
     BLACK,
     BLUE,
+    FEW_LEVELS,
     GREY,
     LIGHT,
     NARROW,
     ORANGE,
     RELEASE,
     VERMILION,
+    WHITE,
+    close_gaps,
     house_style,
     letter_panels,
     quantity_colours,
-    zoomed_inset,
 )
 from dart_skill.session import Dart, DartsRun
 
@@ -36,8 +39,12 @@ MOST_BEDS = 12
 """Largest number of beds that the panel of aims names."""
 FEW = 60
 """Largest number of throws that are drawn with large marks."""
-BLOB = 40.0
-"""Hits that are all so near to the bull are shown larger, too [mm]."""
+NEARER = (15.0, 60.0)
+"""Half the width of the picture of the board about the last aim, at least and at most [mm]."""
+BOARD_HEIGHT = {"h": 5.0, "n": 5.0, "s": 1.9, "a": 1.5, "c": 1.9}
+"""Heights of rows, by their first panel: hits, nearer, spread, aim, scores."""
+BROAD_ROWS, NARROW_ROWS = ["hn", "ss", "aa", "cc"], ["h", "n", "s", "a", "c"]
+"""Panels side by side, and one below the other."""
 
 
 @house_style()
@@ -57,19 +64,29 @@ def arm_darts_figure(run: DartsRun, narrow: bool = False) -> Figure:
     if not run.darts:
         raise ValueError("a run without throws: there is nothing to draw")
     throws = np.arange(1, len(run.darts) + 1)
-    figure = Figure(figsize=(NARROW, 12.0) if narrow else (12.0, 7.2), layout="constrained")
-    if narrow:
-        grid = figure.add_gridspec(4, 1, height_ratios=(1, 1, 1, 1.5))
-    else:
-        grid = figure.add_gridspec(3, 2, width_ratios=(1.55, 1.0))
-    spread = figure.add_subplot(grid[0, 0])
-    aim, scores = (figure.add_subplot(grid[k, 0], sharex=spread) for k in (1, 2))
-    hits = figure.add_subplot(grid[3, 0] if narrow else grid[:, 1])
+    size, rows = ((NARROW, 15.6), NARROW_ROWS) if narrow else ((12.0, 11.6), BROAD_ROWS)
+    figure = Figure(figsize=size, layout="constrained")
+    panels = figure.subplot_mosaic(
+        "\n".join(rows), height_ratios=[BOARD_HEIGHT[row[0]] for row in rows]
+    )
+    hits, nearer, spread, aim, scores = (panels[name] for name in "hnsac")
+    for axes in (aim, scores):
+        axes.sharex(spread)
+    shades = _draw_hits(hits, throws, run.darts)
+    _draw_nearer(nearer, throws, run.darts)
+    bar = figure.colorbar(
+        shades,
+        ax=nearer if narrow else [hits, nearer],
+        label="throw",
+        location="bottom",
+        aspect=40,
+        ticks=MaxNLocator(integer=True),
+    )
+    close_gaps(bar)
     _draw_spread(spread, throws, run.darts)
     _draw_aim(aim, throws, run.darts)
     _draw_scores(scores, throws, run.darts)
-    _draw_hits(figure, hits, throws, run.darts)
-    letter_panels(spread, aim, scores, hits)
+    letter_panels(hits, nearer, spread, aim, scores)
     for axes in (spread, scores):
         _legend_between(axes, 2 if narrow else 4)
     x, _, height = run.board
@@ -195,23 +212,50 @@ def _legend_between(axes: Axes, columns: int) -> None:
     axes.set_title(axes.get_title(loc="left"), loc="left", pad=6.0 + 14.0 * rows)
 
 
-def _draw_hits(figure: Figure, axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
+def _draw_hits(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> ScalarMappable:
+    """The whole board with every hit; the shades of the throws."""
     draw_board(axes, GREY)
     hits = np.array([dart.hit for dart in darts])
+    axes.set_title(
+        f"Where {int(np.isfinite(hits).all(axis=1).sum())} darts hit, as the thrower sees the board"
+    )
+    return _scatter(axes, throws, hits, 22)
+
+
+def _draw_nearer(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
+    """The hits of the darts that were aimed as the last one, and the board about it, larger."""
+    aims, hits = (np.array([getattr(dart, what) for dart in darts]) for what in ("aim", "hit"))
+    bed = name_at(darts[-1].aim)
+    alike = np.array([name_at(aim) == bed for aim in aims])
+    middle, misses = aims[-1], hits[alike] - aims[-1]
+    half = np.clip(5.0 * np.ceil(1.1 * np.nanmax(np.abs(misses), initial=0.0) / 5.0), *NEARER)
+    draw_wires(axes, GREY)
+    _scatter(axes, throws[alike], hits[alike], 55, len(throws))
+    axes.plot(*middle, "+", color=BLACK, markersize=16, markeredgewidth=1.5, label="aim")
+    axes.set(
+        xlim=(middle[0] - half, middle[0] + half),
+        ylim=(middle[1] - half, middle[1] + half),
+        aspect="equal",
+        xticks=[],
+        yticks=[],
+        title=f"{int(alike.sum())} darts at {bed}, as the last, \N{PLUS-MINUS SIGN}{half:g} mm",
+    )
+    for spine in axes.spines.values():
+        spine.set(visible=True, color=GREY)
+
+
+def _scatter(
+    axes: Axes, throws: np.ndarray, hits: np.ndarray, size: float, last: int | None = None
+) -> ScalarMappable:
+    """Hits (n, 2) [mm] of throws (n,), those that were seen, shaded from the first to the last."""
     seen = np.isfinite(hits).all(axis=1)
     look: dict[str, Any] = {
-        "cmap": quantity_colours(),
+        "cmap": quantity_colours(FEW_LEVELS),
         "vmin": 1,
-        "vmax": max(2, len(throws)),
+        "vmax": max(2, last or len(throws)),
         "zorder": 3,
+        "edgecolors": WHITE,
+        "linewidths": 0.5,
     }
     x, y = hits[seen].T
-    image = axes.scatter(x, y, c=throws[seen], s=9 * _larger(throws), **look)
-    figure.colorbar(image, ax=axes, label="throw", shrink=0.6, ticks=MaxNLocator(integer=True))
-    axes.set_title(f"Where {int(seen.sum())} darts hit,\nas the thrower sees the board")
-    half = float(5.0 * np.ceil(1.1 * np.abs(hits[seen]).max(initial=0.0) / 5.0))
-    if 0.0 < half <= BLOB:
-        axes.set_ylim(-LIMIT, 1.6 * LIMIT)
-        inset = zoomed_inset(axes, half, (0.68, 0.69, 0.32, 0.25), "mm")
-        draw_wires(inset, GREY)
-        inset.scatter(x, y, c=throws[seen], s=18, **look)
+    return axes.scatter(x, y, c=throws[seen], s=size, **look)

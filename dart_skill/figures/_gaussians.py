@@ -23,6 +23,7 @@ from dart_skill.figures._margins import FixedMargins
 from dart_skill.figures._style import (
     BLACK,
     DEMONSTRATION,
+    FEW_LEVELS,
     NARROW,
     RELEASE,
     colour_bar,
@@ -134,7 +135,9 @@ def gaussians_figure(skill: ThrowingSkill, narrow: bool = False) -> Figure:
     """
     views = frame_views(skill)
     times = np.concatenate([view.times for view in views])
-    shades = ScalarMappable(Normalize(times.min() - 1e-6, times.max() + 1e-6), quantity_colours())
+    shades = ScalarMappable(
+        Normalize(times.min() - 1e-6, times.max() + 1e-6), quantity_colours(FEW_LEVELS)
+    )
     # Height over width of the rows, as the attractors need it.
     spans = [np.ptp(np.concatenate(view.attractors), axis=0) for view in views]
     ratios = [

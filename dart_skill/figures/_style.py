@@ -13,6 +13,7 @@ import matplotlib.style
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.colorbar import Colorbar
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse, Rectangle
@@ -25,6 +26,7 @@ from dart_skill.figures._margins import FixedMargins
 BLACK, GREY, LIGHT, PALE = map(
     hexadecimal, (palette.BLACK, palette.GREY, palette.LIGHT, palette.PALE)
 )
+WHITE = "#ffffff"
 BLUE, ORANGE, SKY, GREEN, VERMILION, PURPLE = map(
     hexadecimal,
     (palette.BLUE, palette.ORANGE, palette.SKY, palette.GREEN, palette.VERMILION, palette.PURPLE),
@@ -42,6 +44,8 @@ PNG_DPI = 150
 NARROW = 4.6
 """Width of a figure on a telephone [inches]: its letters are as large there as those of the text.
 """
+FEW_LEVELS = 48
+"""Colours of a scale in a figure that may be shown in dark mode."""
 LOOK = {
     "axes.spines.right": False,
     "axes.spines.top": False,
@@ -77,10 +81,17 @@ def house_style() -> Iterator[None]:
             _in_force = False
 
 
-def quantity_colours() -> LinearSegmentedColormap:
-    """Viridis without its lightest end, which is hard to see on white."""
+def quantity_colours(levels: int = 256) -> LinearSegmentedColormap:
+    """Viridis without its lightest end, which is hard to see on white.
+
+    Parameters
+    ----------
+    levels
+        How many colours there are. Of `FEW_LEVELS` a colour bar is drawn as lines, so that a page
+        can change each colour in dark mode; of more it is an image.
+    """
     shades = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, 256))
-    return LinearSegmentedColormap.from_list("quantity", shades)
+    return LinearSegmentedColormap.from_list("quantity", shades, N=levels)
 
 
 def panels(
@@ -145,7 +156,14 @@ def colour_bar(figure: Figure, shades: ScalarMappable, label: str, narrow: bool)
     how: dict[str, Any] = {"orientation": "vertical", "ticklocation": "right"}
     if narrow:
         how = {"orientation": "horizontal", "ticklocation": "top"}
-    figure.colorbar(shades, cax=layout.bar, label=label, **how)
+    bar = figure.colorbar(shades, cax=layout.bar, label=label, **how)
+    close_gaps(bar)
+
+
+def close_gaps(bar: Colorbar) -> None:
+    """Let the levels of a colour bar touch: a browser would show the ground between them."""
+    assert bar.solids is not None  # it is filled
+    bar.solids.set_edgecolor("face")
 
 
 def save(figure: Figure, folder: str | Path, name: str, drawn: str = "") -> list[Path]:

@@ -22,6 +22,7 @@ from matplotlib.figure import Figure
 from dart_skill.arm import the_arm
 from dart_skill.figures._style import (
     BLACK,
+    FEW_LEVELS,
     GREY,
     colour_bar,
     house_style,
@@ -146,7 +147,7 @@ def synchronisation_figure(motions: Sequence[DemonstratedMotion], narrow: bool =
         raise ValueError("no demonstrations: the figure of the synchronisation needs at least one")
     distances = [motion.distance for motion in motions]
     shades = ScalarMappable(
-        Normalize(min(distances) - 1e-6, max(distances) + 1e-6), quantity_colours()
+        Normalize(min(distances) - 1e-6, max(distances) + 1e-6), quantity_colours(FEW_LEVELS)
     )
     figure, (before, after) = panels([(5.25, 4.4), (5.25, 4.4)], narrow, sharey=True)
     for number, motion in enumerate(motions, start=1):

@@ -32,7 +32,7 @@ from dart_skill.report._pictures import Picture, pictures, save_pictures
 from dart_skill.report._replay import Replay, in_replay, replay_of
 from dart_skill.report._run import About, Run, read_run
 from dart_skill.session import RunSummary, TrialResult, write_summary
-from dart_skill.view import ViewUnavailable
+from dart_skill.view import ViewUnavailable, is_painted
 
 PAGE = "report.html"
 """Name of the page of a run."""
@@ -191,7 +191,9 @@ def _replay_section(run: Run, replay: Replay | None, why: str) -> str:
     body, *others = run.skill.bodies or ("",)
     colours = {
         body: palette.BALL,
-        **dict.fromkeys(others, palette.BASKET),
+        **dict.fromkeys(
+            (one for one in others if not is_painted(run.skill.solids(one))), palette.BASKET
+        ),
         f"way of the {HAND}": palette.HAND,
         "demonstrations": palette.DEMONSTRATION,
         **({"Gaussians": palette.GAUSSIAN} if run.throws else {}),

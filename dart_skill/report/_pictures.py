@@ -165,7 +165,8 @@ def save_pictures(drawn: Iterable[Picture], folder: str | os.PathLike) -> list[P
 
 def embeddable(svg: str, prefix: str) -> str:
     """An SVG file as an element of a page: without prolog and metadata, its ids marked with a
-    prefix, with fonts to fall back on.
+    prefix, with fonts to fall back on. Each colour becomes a variable, which the page sets for
+    light and dark (`colours_of`).
     """
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
@@ -176,6 +177,7 @@ def embeddable(svg: str, prefix: str) -> str:
         "url(#",
     ):
         svg = svg.replace(mark, f"{mark}{prefix}-")
+    svg = re.sub(r"(?<=[ :])#([0-9a-f]{6})\b", r"var(--c\1)", svg)
     return svg.replace("'DejaVu Sans'", FONTS).strip()
 
 

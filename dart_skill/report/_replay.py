@@ -38,6 +38,12 @@ ABOVE_BASKETS = (0.0, 0.0, 2.45)
 """There it says which throw at a basket is shown [m]."""
 ABOVE = (0.0, 0.0, 0.6)
 """There it says which movement is shown, from where the page looks to at first [m]."""
+LIGHT_ONLY = "darkMode:false};"
+"""What viser writes into a page that is light."""
+DARK = "window.matchMedia('(prefers-color-scheme: dark)')"
+"""Whether a browser wants a dark page, in its own words."""
+ON_CHANGE = ".addEventListener('change',()=>location.reload());"
+"""What the page does when that changes."""
 LOST = 50_000_000
 """A sample further away than this from an instant does not stand for it [ns]."""
 
@@ -97,10 +103,23 @@ def replay_of(run: Run) -> Replay | None:
                 starts.append((movement, seconds))
                 tell = partial(setattr, label, "text")
                 seconds += play(scene, serializer, run, movement, tell=tell)
-        return Replay(serializer.as_html(), starts, seconds)
+        return Replay(follow_scheme(serializer.as_html()), starts, seconds)
     finally:
         with contextlib.redirect_stdout(io.StringIO()):  # viser says that it stopped
             server.stop()
+
+
+def follow_scheme(page: str) -> str:
+    """A page of viser that is light or dark as the browser wants it, also when that changes.
+
+    Raises
+    ------
+    ValueError
+        For a page in which viser says it in another way.
+    """
+    if LIGHT_ONLY not in page:
+        raise ValueError(f"viser's page has no '{LIGHT_ONLY}': this version of viser is not known")
+    return page.replace(LIGHT_ONLY, f"darkMode:{DARK}.matches}};{DARK}{ON_CHANGE}", 1)
 
 
 def gaussians_of(run: Run, movement: Movement) -> Sequence[tuple[np.ndarray, ...]]:
@@ -161,6 +180,7 @@ def play(
     drawn = (run.skill.moves, HAND)
     for role in drawn:
         scene.clear_path(role)
+    scene.show_course(course_of(run, movement, where, frames))
     if run.throws is not None and movement.result is not None:
         scene.move_basket(movement.result.target)
     if ellipsoids := gaussians_of(run, movement):
@@ -185,6 +205,20 @@ def play(
         tell(result_in_words(run, movement))
     timeline.insert_sleep(PAUSE)
     return len(frames) * frame + PAUSE
+
+
+def course_of(run: Run, movement: Movement, where: dict, frames: np.ndarray) -> np.ndarray:
+    """The whole way (n, 3) of what a movement moves, seen at frames (m,) [ns].
+
+    Parameters
+    ----------
+    where
+        Rows of its poses at the frames, by role; -1 where it was not seen.
+    """
+    if run.skill.moves == HAND:
+        return np.empty((0, 3))
+    rows = where[run.skill.moves][frames >= movement.drawn]
+    return run.poses[run.skill.moves][1][rows[rows >= 0], :3]
 
 
 def _move(scene: Scene, run: Run, role: str, pose: np.ndarray) -> None:

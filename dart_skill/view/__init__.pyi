@@ -23,3 +23,4 @@ from dart_skill.view._server import new_token as new_token
 from dart_skill.view._server import open_server as open_server
 from dart_skill.view._server import url_of as url_of
 from dart_skill.view._server import with_token as with_token
+from dart_skill.view.shapes import is_painted as is_painted

@@ -23,7 +23,7 @@ from dart_skill.skills.protocol import Skill
 from dart_skill.view._held_hand import HeldHand
 from dart_skill.view._page_style import SCENE_SHARE
 from dart_skill.view.arm_shapes import fingers, housings
-from dart_skill.view.geometry import Trail, nearest_in, on_plane, outline, segments
+from dart_skill.view.geometry import Trail, nearest_in, on_plane, outline, segments, stripes
 from dart_skill.view.shapes import (
     Mesh,
     bucket,
@@ -52,7 +52,7 @@ part (`_page_style`).
 """
 NEAR = np.array([1.75, -1.7, 2.0]), np.array([0.5, 0.0, 1.2])
 """Camera for skills whose bodies are within reach of the arm."""
-BEHIND = np.array([-2.3, -1.9, 2.6]), np.array([1.3, 0.0, 1.65])
+BEHIND = np.array([-1.0, -1.9, 2.3]), np.array([1.5, 0.0, 1.55])
 """Camera for darts: as the thrower sees the board."""
 CAMERA_SIZE = 0.18
 """Length of the pyramid that stands for a camera [m]."""
@@ -206,12 +206,26 @@ class Scene:
         world that is reset, begins it anew.
         """
         if self._trail(name).extend(_array(f"path of the {name}", points, -1, 3)):
-            self._paths[name].points = self._trails[name].segments
+            self._draw_path(name)
 
     def clear_path(self, name: str) -> None:
         """Forget the path of the first body, "hand" or "attractor"."""
         self._trail(name).clear()
-        self._paths[name].points = np.empty((0, 2, 3))
+        self._draw_path(name)
+
+    def show_course(self, points: np.ndarray) -> None:
+        """The whole way (n, 3) of the first body as a thin line, before it goes there; it replaces
+        the one that was shown.
+        """
+        self._course.points = segments(_array("course", points, -1, 3))
+
+    def _draw_path(self, name: str) -> None:
+        lines = self._trails[name].segments
+        if name != "hand":
+            self._paths[name].points = lines
+            return
+        on_light, on_dark = stripes(lines)
+        self._paths[name].points, self._hand_stripe.points = on_light, on_dark
 
     # what is learned
 
@@ -388,8 +402,8 @@ class Scene:
             name: self._scene.add_frame(f"/{name}", show_axes=False) for name in GROUPS
         }
         self._scene.add_grid(
-            "/ground/floor", 8.0, 6.0, cell_size=0.5, position=(1.0, 0.0, 0.0), cell_color=(232, 232, 232), section_color=(210, 210, 210),
-            shadow_opacity=0.0,
+            "/ground/floor", 8.0, 6.0, cell_size=0.5, position=(1.0, 0.0, 0.0), cell_color=palette.FLOOR, section_color=palette.FLOOR,
+            cell_thickness=0.3, section_thickness=0.6, shadow_opacity=0.0,
         )  # fmt: skip
         if self._skill is None:
             edge = segments(outline(self.region)) + [0.0, 0.0, 0.005]
@@ -495,6 +509,8 @@ class Scene:
             name: self._add_lines(f"/paths/{name}", colour, 3.0)
             for name, colour in of_path.items()
         }
+        self._hand_stripe = self._add_lines("/paths/hand_stripe", palette.HAND_STRIPE, 3.0)
+        self._course = self._add_lines("/paths/course", palette.BALL, 1.0)
         self._curves = self._add_lines("/demonstrations/hand", palette.DEMONSTRATION, 1.5)
         self._targets = self._scene.add_point_cloud(
             "/demonstrations/targets",

@@ -6,6 +6,9 @@ import numpy as np
 
 from dart_skill.common.regions import Region
 
+STRIPE = 0.06
+"""Shortest stripe of a line of two colours [m]."""
+
 
 def nearest_in(region: Region, point: np.ndarray) -> np.ndarray:
     """The place of a region nearest to a point (>= 2,), at the height of the rim: (3,) [m].
@@ -107,3 +110,17 @@ class Trail:
 def segments(points: np.ndarray) -> np.ndarray:
     """A path (n, 3) as the lines between its points (n - 1, 2, 3); none for fewer than two points."""
     return np.stack([points[:-1], points[1:]], axis=1) if len(points) > 1 else np.empty((0, 2, 3))
+
+
+def stripes(lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pieces (n, 2, 3) of a path, the odd stripes of it and the even ones, each of which is at least
+    `STRIPE` long.
+    """
+    number, length, numbers = 0, 0.0, []
+    for piece in np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1):
+        numbers.append(number)
+        length += piece
+        if length >= STRIPE:
+            number, length = number + 1, 0.0
+    odd = np.array(numbers, dtype=int) % 2 == 1
+    return lines[~odd], lines[odd]

@@ -214,6 +214,11 @@ def parts_of(solids: Sequence[Solid]) -> list[ColouredMesh]:
     return found
 
 
+def is_painted(solids: Sequence[Solid]) -> bool:
+    """Whether every part of a body has a colour of its own, so that no colour stands for the body."""
+    return all(part.colour is not None for part in parts_of(solids))
+
+
 def _board() -> list[ColouredMesh]:
     """A board whose face is the plane x = 0, seen from where x is negative; z is up, and y to the
     left as the thrower sees it.

@@ -98,5 +98,22 @@ def _fits_a_telephone_in_the_dark(page):
         np.mean([int(part) for part in colour[4:-1].split(",")]) for colour in (background, text)
     )
     assert dark < 50 and light > 200, f"{text} on {background}"
+    page._wait(
+        lambda: _is_dark(page, "document.querySelector('iframe').contentDocument"),
+        60.0,
+        "a dark replay",
+    )
+    ink = page.run("getComputedStyle(document.querySelector('figure .narrow svg text')).fill")
+    assert np.mean([int(part) for part in ink[4:-1].split(",")]) > 200, f"{ink} in a figure"
+    patch = page.run("getComputedStyle(document.querySelector('figure .narrow svg path')).fill")
+    assert np.mean([int(part) for part in patch[4:-1].split(",")]) < 50, f"{patch} below a figure"
+    shadow = page.run("getComputedStyle(document.querySelector('.wide')).backgroundAttachment")
+    assert "local" in shadow and "scroll" in shadow, "what is cut off is shown by a shadow"
     height = page.run("document.querySelector('iframe').getBoundingClientRect().height")
     assert height <= 0.5 * 740, "a replay that is all seen, with some text"
+
+
+def _is_dark(page, document):
+    """Whether the page of a replay has chosen its dark colours."""
+    scheme = f"{document}.documentElement.getAttribute('data-mantine-color-scheme')"
+    return page.run(f"{document} && {document}.documentElement && {scheme}") == "dark"

@@ -149,3 +149,14 @@ def test_no_other_module_names_a_colour_of_a_thing_in_numbers():
         assert not wrong, (
             f"{path.relative_to(ROOT)} has {wrong}: take them from dart_skill.common.palette"
         )
+
+
+@pytest.mark.parametrize("colour", [*palette.THINGS.values(), palette.GREY, (68, 1, 84)])
+def test_what_is_seen_on_white_is_seen_on_the_dark_page(colour):
+    dark = palette.in_the_dark(colour)
+    assert palette.contrast(dark, palette.DARK_PAGE) > 3.0, f"{colour} becomes {dark}"
+
+
+def test_white_and_pale_areas_become_dark():
+    assert palette.in_the_dark((255, 255, 255)) == palette.DARK_PAGE
+    assert palette.contrast(palette.in_the_dark(palette.PALE), palette.DARK_PAGE) < 2.0

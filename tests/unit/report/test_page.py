@@ -18,6 +18,7 @@ from dart_skill.cli import main
 from dart_skill.cli.report import page_beside
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.darts import LegInPlay
+from dart_skill.figures import arm_darts_figure
 from dart_skill.recording import BagWriter, GraphBag, read_command
 from dart_skill.report import (
     CURVE_WINDOW,
@@ -568,3 +569,39 @@ def test_the_command_writes_the_page_and_says_where(tmp_path, capsys, monkeypatc
         said["report"] == str(page) and len(said["demonstrations"]) == 13 and said["throws"] == []
     )
     assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+
+
+def test_a_replay_shows_the_whole_way_of_the_ball_before_the_ball_goes_there(tmp_path):
+    from dart_skill.report import play, read_run
+    from dart_skill.view import Scene, open_server
+    from tests.paths import BAGS
+
+    run = read_run(BAGS / "throws")
+    server, seen = open_server(), []
+    try:
+        scene = Scene(server)
+
+        class Timeline:
+            def insert_sleep(self, seconds):
+                lines = server.scene.get_handle_by_name("/paths/course").points
+                seen.append(np.array(lines))
+
+        play(scene, Timeline(), run, run.own[0])
+    finally:
+        server.stop()
+    target = run.own[0].result.target
+    ends = seen[0][:, 1]
+    assert np.linalg.norm(ends[:, :2] - target[:2], axis=1).min() < 0.15, "from the first picture"
+    assert all(len(lines) == len(seen[0]) for lines in seen)
+
+
+def test_the_board_of_darts_is_larger_than_any_other_panel():
+    darts = tuple(
+        Dart((0.0, 0.0), (3.0, y), 50, ((1.0, 0.0), (0.0, 1.0)), 20.0, 0.0) for y in range(9)
+    )
+    figure = arm_darts_figure(DartsRun(0, "in process", (2.4, 0.0, 1.7), (), darts))
+    figure.draw_without_rendering()
+    board, nearer, *courses = figure.axes[:5]
+    heights = [axes.get_window_extent().height for axes in (board, nearer, *courses)]
+    assert min(heights[:2]) > 2 * max(heights[2:])
+    assert nearer.get_xlim()[1] - nearer.get_xlim()[0] < 40.0 < board.get_xlim()[1]
