@@ -583,6 +583,9 @@ TYPED = {
     "dart-skill darts match --sigma 12 --against 15 --legs 11": OtherNumbers(
         "dart-skill darts match --sigma 12 --against 15"
     ),
+    "dart-skill darts match --sigma 12 --against 15 --legs 11 --quick": Run(
+        "--start 60", says="both play for the fewest turns"
+    ),
     "dart-skill darts search --methods mixture,power,cem,cma,niches,sharpening --schedules thesis,extended --results runs.jsonl": Run(
         "--methods power --schedules thesis --seeds 1", says="power", leaves="runs.jsonl"
     ),
