@@ -175,7 +175,8 @@ def table_of(head: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence
     """Cells are HTML already; empty columns are left out."""
     rows, head = [[*row, note] for row, note in zip(rows, notes, strict=True)], [*head, "message"]
     kept = [k for k in range(len(head)) if k == 0 or any(row[k] for row in rows)]
-    kinds = {0: ' class="text"', len(head) - 1: ' class="text"'}
+    of_text = {0, len(head) - 1, *(k for k, name in enumerate(head) if name == "id")}
+    kinds = dict.fromkeys(of_text, ' class="text"')
     lines = ["".join(f"<th{kinds.get(k, '')}>{head[k]}</th>" for k in kept)]
     lines += ["".join(f"<td{kinds.get(k, '')}>{row[k]}</td>" for k in kept) for row in rows]
     return (

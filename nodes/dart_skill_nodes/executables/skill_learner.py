@@ -106,7 +106,8 @@ class SkillLearner(GuardedNode):
         response.pending = not request.bag and len(self._heard) < request.at_least
         if response.pending:
             response.message = (
-                f"{len(self._heard)} of {request.at_least} demonstrations have been heard so far"
+                f"{len(self._heard)} of {request.at_least} demonstrations have been heard so far:"
+                " dart-skill teach --count 5 shows some"
             )
             return response
         try:
