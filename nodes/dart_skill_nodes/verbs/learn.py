@@ -7,7 +7,6 @@ Its options stand in `dart_skill.cli.learn`, which learns from bags without ROS.
 import argparse
 from typing import TYPE_CHECKING
 
-from dart_skill_nodes.verbs.demonstrations import id_of
 from dart_skill_nodes.verbs.on_graph import PATIENCE, on_running_graph
 
 if TYPE_CHECKING:
@@ -21,7 +20,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         learned = client.learn(
             configuration=options.configuration,
             at_least=options.at_least or 0,
-            without=[id_of(client, one) for one in options.without],
+            without=options.without,
         )
         return {
             "text": f"{learned.message}; model {learned.model_id}",
