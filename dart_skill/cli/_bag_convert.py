@@ -77,8 +77,8 @@ def add_to(verbs: argparse._SubParsersAction) -> None:
     )
     group.add_argument("--action", choices=("commands", "pose"), help=text)
     text = (
-        "leave this demonstration out; may be given several times (those that were dropped are"
-        " left out anyway)"
+        "leave this demonstration out, named by its id or its number; may be given several times"
+        " (those that were dropped are left out anyway)"
     )
     group.add_argument("--without", metavar="ID", action="append", default=[], help=text)
     parser.set_defaults(run=_convert)

@@ -9,6 +9,8 @@ import json
 import sys
 from typing import TYPE_CHECKING
 
+from dart_skill.cli.progress import share_bar
+
 if TYPE_CHECKING:
     from dart_skill.darts import AimsApart, MatchPolicy, Spread, SpreadByTarget
 
@@ -36,6 +38,14 @@ def add_to(verbs: argparse._SubParsersAction) -> None:
     )
     match.add_argument(
         "--start", type=int, default=501, help="score at which a leg starts (default 501)"
+    )
+    match.add_argument(
+        "--quick",
+        action="store_true",
+        help=(
+            "both play for the fewest turns, whatever the other has left: seconds in place of a"
+            " minute and more, and chances that differ little (docs/darts.md)"
+        ),
     )
     match.add_argument("--json", action="store_true", help="JSON instead of text")
     match.set_defaults(run=_match)
@@ -91,33 +101,64 @@ def _spread(options: argparse.Namespace, prefix: str, sigma: str) -> Spread | Sp
 
 
 def _match(options: argparse.Namespace) -> int:
-    from dart_skill.darts import aims_apart, match_chance, solve_match
+    from dart_skill.darts import match_chance
 
     mine, theirs = _spread(options, "", "sigma"), _spread(options, "against_", "against")
     # what cannot be is said before anything is computed
     match_chance(0.5, 0.5, options.legs, options.first)
-    _say("both play their best (1 of 3) ...")
-    best = solve_match(mine, theirs, options.start)
+    result = (
+        _solved_quickly(options, mine, theirs) if options.quick else _solved(options, mine, theirs)
+    )
+    print(json.dumps(result, indent=1) if options.json else "\n".join(_lines(result)))
+    return 0
+
+
+def _solved(
+    options: argparse.Namespace, mine: Spread | SpreadByTarget, theirs: Spread | SpreadByTarget
+) -> dict:
+    """Both play their best, and what it is worth against the fewest turns."""
+    from dart_skill.darts import aims_apart, solve_match
+
+    start = options.start
+    _say("both play their best (1 of 3): a minute and more from 501, with --quick seconds ...")
+    with share_bar("1 of 3") as tell:
+        best = solve_match(mine, theirs, start, tell=tell)
     me, them = best.me.player, best.them.player
     _say("your best against one who counts turns (2 of 3) ...")
-    answer = solve_match(me, them, options.start, ("best", "turns"))
+    with share_bar("2 of 3") as tell:
+        answer = solve_match(me, them, start, ("best", "turns"), tell)
     _say("both count turns (3 of 3) ...")
-    fewest = solve_match(me, them, options.start, ("turns", "turns"))
-    result = {
-        "start": options.start,
+    fewest = solve_match(me, them, start, ("turns", "turns"))
+    return {
+        **_asked(options, best),
         "leg": _chances(best),
         "leg_against_fewest_turns": _chances(answer),
         "leg_both_fewest_turns": _chances(fewest),
-        "match": {
-            "legs": options.legs,
-            "first": options.first,
-            "chance": match_chance(*_pair(best), options.legs, options.first),
-        },
-        "aim": _aim(best),
         "example": _example(aims_apart(best.me)),
     }
-    print(json.dumps(result, indent=1) if options.json else "\n".join(_lines(result)))
-    return 0
+
+
+def _solved_quickly(
+    options: argparse.Namespace, mine: Spread | SpreadByTarget, theirs: Spread | SpreadByTarget
+) -> dict:
+    """Both play for the fewest turns."""
+    from dart_skill.darts import match_player, solve_match
+
+    me, them = (match_player(one, options.start, "turns") for one in (mine, theirs))
+    fewest = solve_match(me, them, options.start, ("turns", "turns"))
+    return {**_asked(options, fewest), "leg_both_fewest_turns": _chances(fewest)}
+
+
+def _asked(options: argparse.Namespace, policy: MatchPolicy) -> dict:
+    """What is told of a match, whoever plays how."""
+    from dart_skill.darts import match_chance
+
+    chance = match_chance(*_pair(policy), options.legs, options.first)
+    return {
+        "start": options.start,
+        "match": {"legs": options.legs, "first": options.first, "chance": chance},
+        "aim": _aim(policy),
+    }
 
 
 def _say(what: str) -> None:
@@ -163,18 +204,22 @@ def _example(apart: AimsApart | None) -> dict | None:
 
 
 def _lines(result: dict) -> list[str]:
-    leg, answer, fewest, match = (
-        result[key]
-        for key in ("leg", "leg_against_fewest_turns", "leg_both_fewest_turns", "match")
-    )
+    match, aim = result["match"], result["aim"]
     who = "you begin" if match["first"] == "me" else "they begin"
-    aim = result["aim"]
+    fewest = _percent(result["leg_both_fewest_turns"])
+    of_match = (
+        f"best of {match['legs']}, {who} the first leg: you win {100 * match['chance']:.2f} %"
+    )
+    first = f"first dart: {aim['bed']} at x = {aim['x_mm']:.1f}, y = {aim['y_mm']:.1f} mm"
+    if "leg" not in result:
+        both = f"leg from {result['start']}, both play for the fewest turns: you win {fewest}"
+        return [both, of_match, first]
     return [
-        f"leg from {result['start']}, both play to win: you win {_percent(leg)}",
-        f"  if they play for the fewest turns: {_percent(answer)}",
-        f"  if both play for the fewest turns: {_percent(fewest)}",
-        f"best of {match['legs']}, {who} the first leg: you win {100 * match['chance']:.2f} %",
-        f"first dart: {aim['bed']} at x = {aim['x_mm']:.1f}, y = {aim['y_mm']:.1f} mm",
+        f"leg from {result['start']}, both play to win: you win {_percent(result['leg'])}",
+        f"  if they play for the fewest turns: {_percent(result['leg_against_fewest_turns'])}",
+        f"  if both play for the fewest turns: {fewest}",
+        of_match,
+        first,
         _example_line(result["example"]),
     ]
 

@@ -52,8 +52,9 @@ def main(arguments: list[str] | None = None) -> int:
         parser = _parser(words)
         options, unknown = parser.parse_known_args(words)
         if unknown and not options.takes_anything:
-            _completion.command_of(parser, words).error(
-                f"unrecognized arguments: {' '.join(unknown)}"
+            command = _completion.command_of(parser, words)
+            command.error(
+                f"unrecognized arguments: {' '.join(unknown)}{_option(command, unknown)}"
             )
         with _ends_in_order():
             status = options.run(options)
@@ -177,6 +178,15 @@ class _Parser(argparse.ArgumentParser):
 def _meant(message: str) -> str:
     """What may be meant in place of a choice that argparse refuses in a message."""
     refused = re.search(r"invalid choice: '?([^' ]*)'? \(choose from (.*)\)", message)
-    choices = refused[2].replace("'", "").split(", ") if refused else []
-    near = get_close_matches(refused[1], choices, n=1) if refused else []
+    return _nearest(refused[1], refused[2].replace("'", "").split(", ")) if refused else ""
+
+
+def _option(command: argparse.ArgumentParser, unknown: Sequence[str]) -> str:
+    """What may be meant in place of the first option that a command does not have."""
+    typed = next((word.partition("=")[0] for word in unknown if word.startswith("--")), "")
+    return _nearest(typed, list(command._option_string_actions)) if typed else ""
+
+
+def _nearest(typed: str, known: Sequence[str]) -> str:
+    near = get_close_matches(typed, known, n=1)
     return f"; did you mean '{near[0]}'?" if near else ""

@@ -34,7 +34,7 @@ from dart_skill.common.world import THROW
 if TYPE_CHECKING:
     from dart_skill.report import About
     from dart_skill.session import RunSummary
-    from dart_skill.skills.protocol import Skill
+    from dart_skill.skills.protocol import Skill, SkillWords
 
 IN_PROCESS = "in-process"
 LEFT_OUT = "in process: no nodes run, so there are no logs of them"
@@ -85,11 +85,20 @@ def _demo(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     check_run(parser, options)
     if options.model is not None:
         options.demonstrations = 0
+    say(expected(skill.words, options.demonstrations, options.throws))
     summary = carried_out(options, skill)
     if summary is None:
         return 1
     print(json.dumps(summary.to_json(), indent=1) if options.json else summary.table())
     return _leave_behind(summary, options, parser)
+
+
+def expected(words: SkillWords, demonstrations: int, trials: int) -> str:
+    """What a demo does, and with the usual numbers, for which it was measured, how long that takes."""
+    is_timed = words.demo_seconds and (demonstrations, trials) == (words.lessons, words.tries)
+    about = f"; about {words.demo_seconds:.0f} s on two idle cores" if is_timed else ""
+    shown = counted(demonstrations, "demonstration")
+    return f"{shown}, then {counted(trials, words.trial, words.trials)}{about}"
 
 
 def _check_options_of_skill(

@@ -66,8 +66,8 @@ def add_to(commands: argparse._SubParsersAction) -> None:
         help="learn from misses and from the arm's own throws, too",
     )
     text = (
-        "leave this demonstration out; may be given several times (those that were dropped are"
-        " left out anyway)"
+        "leave this demonstration out, named by its id or its number in the list; may be given"
+        " several times (those that were dropped are left out anyway)"
     )
     parser.add_argument("--without", metavar="ID", action="append", default=[], help=text)
     parser.add_argument(
@@ -259,7 +259,7 @@ def _next(skill: str, model: Path) -> list[str]:
 
 def _throw_line(number: int, throw: FoundThrow) -> str:
     who = "guided" if throw.taught else "own"
-    place, name = "", f"throw {number}"
+    place, name = "", "throw"
     if throw.shown is not None:
         name, (x, y, z) = throw.shown
         place = f", basket at ({x:.2f}, {y:.2f}, {z:.2f})"
@@ -267,13 +267,9 @@ def _throw_line(number: int, throw: FoundThrow) -> str:
     if throw.outcome is not None and throw.outcome.landing_seen:
         landed = f", landed {100 * throw.outcome.landing_error:.1f} cm from its centre"
     return (
-        f"{_seconds(throw.stamp_ns)} s  {name}:"
+        f"{number:3d}  {name}  {throw.stamp_ns * 1e-9:.3f} s:"
         f" {who}{place}{landed}{'; left out: ' + throw.reason if throw.reason else ''}"
     )
-
-
-def _seconds(stamp_ns: int) -> str:
-    return f"{stamp_ns * 1e-9:10.3f}"
 
 
 def _as_json(skill: PractisingSkill, report: LearnReport, output: Path) -> dict:
@@ -281,7 +277,7 @@ def _as_json(skill: PractisingSkill, report: LearnReport, output: Path) -> dict:
         "source": report.source,
         "faults": [asdict(fault) for fault in report.faults],
         "clocks": report.clocks,
-        "throws": [_throw_json(throw) for throw in report.throws],
+        "throws": [_throw_json(*each) for each in enumerate(report.throws, start=1)],
         "learned_from": [one.id for one in report.learned_from],
         "weakness": report.weakness,
         "patterns": skill.practice.patterns(),
@@ -292,9 +288,10 @@ def _as_json(skill: PractisingSkill, report: LearnReport, output: Path) -> dict:
     }
 
 
-def _throw_json(throw: FoundThrow) -> dict:
+def _throw_json(number: int, throw: FoundThrow) -> dict:
     outcome, (name, target) = throw.outcome, throw.shown or (None, None)
     return {
+        "number": number,
         "stamp_ns": throw.stamp_ns,
         "id": name,
         "taught": throw.taught,

@@ -8,6 +8,7 @@ size, and the aims are points of the plane.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import NamedTuple
@@ -19,12 +20,10 @@ from dart_skill.common.checks import as_count, as_number
 from dart_skill.darts._board import place_of
 from dart_skill.darts._leg import as_remaining, as_start
 from dart_skill.darts._leg_solver import LARGEST_SCORE, Nearby, after_dart
-from dart_skill.darts._match_players import MatchPlayer, match_player
-from dart_skill.darts._match_solver import Best, Fixed, solve_game
+from dart_skill.darts._match_players import PLAYS, MatchPlayer, match_player
+from dart_skill.darts._match_solver import Best, Fixed, quiet, solve_game
 from dart_skill.darts._spread import Spread, SpreadByTarget, as_spread
 
-PLAYS = ("best", "turns")
-"""How a player can choose: the best answer to the other, or the fewest turns on average."""
 PLAYERS = ("me", "them")
 """Who can begin a match."""
 MOST_LEGS = 999
@@ -119,7 +118,11 @@ class MatchPolicy:
 
 
 def solve_match(
-    spread: Player, against: Player, start: int = 501, plays: tuple[str, str] = ("best", "best")
+    spread: Player,
+    against: Player,
+    start: int = 501,
+    plays: tuple[str, str] = ("best", "best"),
+    tell: Callable[[float], None] = quiet,
 ) -> MatchPolicy:
     """The chances of two players to win a leg, double out, and where they aim in every state of it
     (Haugh and Wang 2022).
@@ -137,6 +140,8 @@ def solve_match(
     plays
         Of each player "best" (default), which is the best answer to how the other plays, or
         "turns", the fewest turns on average.
+    tell
+        Called with the share of the work that has been done, from 0 to 1.
 
     Raises
     ------
@@ -148,14 +153,20 @@ def solve_match(
         raise ValueError(
             f"plays must be two of {', '.join(PLAYS)}, one for each player, got {plays!r}"
         )
-    me = _as_player(spread, start)
+    # what takes about as long; players that are there already take no time
+    parts = [*(not isinstance(one, MatchPlayer) for one in (spread, against)), 3]
+    me = _as_player(spread, start, _part(tell, parts, 0))
     try:
-        them = me if _is_same(spread, against) else _as_player(against, start)
+        them = (
+            me if _is_same(spread, against) else _as_player(against, start, _part(tell, parts, 1))
+        )
     except ValueError as error:
         raise ValueError(f"against: {error}") from None
     fewest = _solved(me, them, ("turns", "turns"))
     mine, theirs = (
-        fewest if tuple(plays) == ("turns", "turns") else _solved(me, them, plays, fewest[0].left)
+        fewest
+        if tuple(plays) == ("turns", "turns")
+        else _solved(me, them, plays, fewest[0].left, _part(tell, parts, 2))
     )
     return MatchPolicy(
         MatchSide(me, plays[0], _by_scores(1.0 - theirs.left), _by_scores(mine.left.T)),
@@ -164,7 +175,11 @@ def solve_match(
 
 
 def _solved(
-    me: MatchPlayer, them: MatchPlayer, plays: tuple[str, str], guess: np.ndarray | None = None
+    me: MatchPlayer,
+    them: MatchPlayer,
+    plays: tuple[str, str],
+    guess: np.ndarray | None = None,
+    tell: Callable[[float], None] = quiet,
 ) -> tuple[Fixed | Best, Fixed | Best]:
     """The game, solved."""
     mine, theirs = (
@@ -174,7 +189,7 @@ def _solved(
         for player, play in zip((me, them), plays, strict=True)
     )
     theirs = mine if me is them and plays[0] == plays[1] else theirs
-    solve_game(mine, theirs, guess)
+    solve_game(mine, theirs, guess, tell)
     return mine, theirs
 
 
@@ -306,9 +321,19 @@ def _best_turn(choice: Nearby, after: np.ndarray) -> list[_Darts]:
     return turn[::-1]
 
 
-def _as_player(spread: Player, start: int) -> MatchPlayer:
+def _part(
+    tell: Callable[[float], None], parts: Sequence[int], which: int
+) -> Callable[[float], None]:
+    """Tells of one of several parts of some work what share of the whole has been done; parts: how
+    long each takes.
+    """
+    before, own, whole = sum(parts[:which]), parts[which], sum(parts)
+    return lambda share: tell((before + share * own) / whole)
+
+
+def _as_player(spread: Player, start: int, tell: Callable[[float], None]) -> MatchPlayer:
     if not isinstance(spread, MatchPlayer):
-        return match_player(spread, start)
+        return match_player(spread, start, tell=tell)
     if spread.leg.start != start:
         raise ValueError(
             f"this player was made for legs from {spread.leg.start}, not from {start}: make"

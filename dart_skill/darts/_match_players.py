@@ -10,7 +10,7 @@ by 1e-5.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,8 +29,11 @@ from dart_skill.darts._candidates import (
 )
 from dart_skill.darts._leg import LegPolicy, as_start
 from dart_skill.darts._leg_solver import Costs, Nearby, Solution, after_dart
+from dart_skill.darts._match_solver import quiet
 from dart_skill.darts._spread import Spread, SpreadByTarget
 
+PLAYS = ("best", "turns")
+"""How a player can choose: the best answer to the other, or the fewest turns on average."""
 HAZARDS = (0.0, 0.1, 0.3, 0.6, 0.95)
 """Chances of the first kind of opponents to finish in a turn."""
 LATE = (2, 4)
@@ -64,19 +67,56 @@ class MatchPlayer:
     choice: Nearby
 
 
-def match_player(spread: Spread | SpreadByTarget | float | ArrayLike, start: int) -> MatchPlayer:
-    """The player with a spread, in legs from `start`; both as in `solve_leg`."""
+def match_player(
+    spread: Spread | SpreadByTarget | float | ArrayLike,
+    start: int,
+    play: str = "best",
+    tell: Callable[[float], None] = quiet,
+) -> MatchPlayer:
+    """The player with a spread, in legs from `start`; both as in `solve_leg`.
+
+    Parameters
+    ----------
+    play
+        "best" (default), or "turns": only the aims of the fewest turns, in a seventh of the time.
+        Against another player such a player chooses between these alone.
+    tell
+        Called with the share that has been done, from 0 to 1.
+
+    Raises
+    ------
+    ValueError
+        For another play.
+    """
+    if play not in PLAYS:
+        raise ValueError(f"play must be one of {', '.join(PLAYS)}, got {play!r}")
     start, thrower = as_start(start), thrower_of(spread)
     first = candidates_at(first_aims(thrower), thrower)
-    plays = [best_play(thrower, start, Costs(0.0, 1.0, 1.0 - hazard), first) for hazard in HAZARDS]
-    later = [play for late in LATE for play in _after_respite(thrower, plays[late][1], first)]
-    candidates, near = _united([*plays, *later])
+    if play == "turns":
+        plays = [best_play(thrower, start, Costs(0.0, 1.0, 1.0), first)]
+    else:
+        plays = list(_plays(thrower, start, first, tell))
+    candidates, near = _united(plays)
     fewest, (expected, choices) = plays[0]
     leg = LegPolicy(fewest.aims, expected, choices, thrower.spreads, fewest.which, "turns")
     outcomes = turn_outcomes(fewest.results, choices)
     return MatchPlayer(
         leg, outcomes, candidates.aims, candidates.which, Nearby(candidates.results, near)
     )
+
+
+def _plays(
+    thrower: Thrower, start: int, first: Candidates, tell: Callable[[float], None]
+) -> Iterator[tuple[Candidates, Solution]]:
+    """Against all opponents, that of the fewest turns first."""
+    plays = []
+    for number, hazard in enumerate(HAZARDS):
+        plays.append(best_play(thrower, start, Costs(0.0, 1.0, 1.0 - hazard), first))
+        tell((number + 1.0) / (len(HAZARDS) + len(LATE)))
+    yield from plays
+    for number, late in enumerate(LATE, start=len(HAZARDS)):
+        yield from _after_respite(thrower, plays[late][1], first)
+        tell((number + 1.0) / (len(HAZARDS) + len(LATE)))
 
 
 def _after_respite(

@@ -16,6 +16,7 @@ between two bounds.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -52,13 +53,24 @@ BUST = NO_BUST_THREE
 """Column of the tables of a turn in which a bust finds its value."""
 
 
-def solve_game(mine: Fixed | Best, theirs: Fixed | Best, guess: np.ndarray | None = None) -> None:
+def quiet(share: float) -> None:
+    """Tells nobody what share of some work has been done."""
+
+
+def solve_game(
+    mine: Fixed | Best,
+    theirs: Fixed | Best,
+    guess: np.ndarray | None = None,
+    tell: Callable[[float], None] = quiet,
+) -> None:
     """Fills `left` of both sides, which may be the same.
 
     Parameters
     ----------
     guess : (start + 1, start + 1)
         Of mine.left.
+    tell
+        Called with the share of the pairs that are solved.
     """
     start = len(mine.left) - 1
     guess = np.zeros_like(mine.left) if guess is None else guess
@@ -81,6 +93,13 @@ def solve_game(mine: Fixed | Best, theirs: Fixed | Best, guess: np.ndarray | Non
         )
         first.keep(back)
         second.keep(1.0 - first.value(back)[::-1])
+        tell(_solved(total, start))
+
+
+def _solved(total: int, start: int) -> float:
+    """Share of the pairs of scores up to `start` whose sum is `total` at most, about."""
+    share = total / (2.0 * start)
+    return 2.0 * share**2 if share < 0.5 else 1.0 - 2.0 * (1.0 - share) ** 2
 
 
 def _root(

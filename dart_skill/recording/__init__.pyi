@@ -48,8 +48,8 @@ from dart_skill.recording.marks import DROPPED as DROPPED
 from dart_skill.recording.marks import MARK_TOPIC as MARK_TOPIC
 from dart_skill.recording.marks import MARK_TYPE as MARK_TYPE
 from dart_skill.recording.marks import Marks as Marks
-from dart_skill.recording.marks import check_known as check_known
 from dart_skill.recording.marks import demonstration_id as demonstration_id
+from dart_skill.recording.marks import ids_named as ids_named
 from dart_skill.recording.marks import read_dropped as read_dropped
 from dart_skill.recording.marks import unwanted as unwanted
 from dart_skill.recording.signals import GripSignal as GripSignal

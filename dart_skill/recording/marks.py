@@ -9,7 +9,7 @@ recording again calls it the same.
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from dart_skill.common.world import MARK_TOPIC
@@ -92,11 +92,30 @@ def unwanted(bag_path: str | os.PathLike, without: Iterable[str]) -> dict[str, s
     return {**dict.fromkeys(read_dropped(bag_path), DROPPED), **dict.fromkeys(without, AS_ASKED)}
 
 
-def check_known(ids: Iterable[str], known: Collection[str], where: str) -> None:
-    """ValueError for an id that no demonstration has, with those that there are. known: the ids
-    that there are; where: for the message.
+def ids_named(given: Iterable[str], known: Sequence[str], where: str) -> list[str]:
+    """The ids of demonstrations that are named by their ids or by their numbers.
+
+    Parameters
+    ----------
+    known
+        Ids in the order in which they were shown, of which the first has the number 1; empty where
+        there is none to be named.
+    where
+        They are, for the message.
+
+    Raises
+    ------
+    ValueError
+        For what names none.
     """
-    for name in ids:
-        if name not in known:
-            there = ", ".join(known) or "none"
-            raise ValueError(f"{where} has no demonstration '{name}': there are {there}")
+    return [_named(name, known, where) for name in given]
+
+
+def _named(name: str, known: Sequence[str], where: str) -> str:
+    if name.isdecimal() and 1 <= int(name) <= len(known) and known[int(name) - 1]:
+        return known[int(name) - 1]
+    if not name or name not in known:
+        numbers = f"numbers 1 to {len(known)}, or " if known else ""
+        there = numbers + (", ".join(filter(None, known)) or "none")
+        raise ValueError(f"{where} has no demonstration '{name}': there are {there}")
+    return name

@@ -202,8 +202,8 @@ def figure(picture: Picture) -> str:
     )
 
 
-TEXTS = ("situation", "message")
-"""Heads of columns that hold sentences."""
+TEXTS = ("situation", "message", "id")
+"""Heads of columns that hold text."""
 
 
 def table_of(head: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str]) -> str:

@@ -5,9 +5,9 @@ fetches nothing; and what a run leaves behind.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -33,6 +33,8 @@ from dart_skill.report._replay import Replay, in_replay, replay_of
 from dart_skill.report._run import About, Run, read_run
 from dart_skill.session import RunSummary, TrialResult, write_summary
 from dart_skill.view import ViewUnavailable, is_painted
+
+_T = TypeVar("_T")
 
 PAGE = "report.html"
 """Name of the page of a run."""
@@ -252,25 +254,32 @@ def _guided_section(run: Run, replay: Replay | None) -> str:
     if judged:
         begun = {} if replay is None else {one.name: f"{at:.1f}" for one, at in replay.starts}
         rows = [
-            [escaped(one.name), *_result_cells(run, result), begun.get(one.name, "")]
-            for one, result in judged
+            [number, escaped(one.name), *_result_cells(run, result), begun.get(one.name, "")]
+            for number, (one, result) in _numbered(judged)
         ]
         table = table_of(
-            ["", *_result_head(run), "replay [s]"], rows, [one_line(one.note) for one, _ in judged]
+            ["", "id", *_result_head(run), "replay [s]"],
+            rows,
+            [one_line(one.note) for one, _ in judged],
         )
         return f"<h2>Guided {run.skill.words.trials}</h2>{table}"
-    rows, head = [], ["", *TARGET] if run.throws else ["", "duration [s]", "situation"]
-    for one in run.shown:
+    rows, head = [], ["", "id", *(TARGET if run.throws else ("duration [s]", "situation"))]
+    for number, one in _numbered(run.shown):
         if run.throws:
-            rows.append([escaped(one.id), *_target_cells(one.target)])
+            rows.append([number, escaped(one.id), *_target_cells(one.target)])
         else:
             start, stop = run.skill.cut(one)
             situation = escaped(_situation(run, one, start))
-            rows.append([escaped(one.id), f"{stop - start:.1f}", situation])
+            rows.append([number, escaped(one.id), f"{stop - start:.1f}", situation])
     table = (
         table_of(head, rows, [""] * len(rows)) if rows else quiet("There are none in this bag.")
     )
     return f"<h2>Demonstrations</h2>{table}"
+
+
+def _numbered(shown: Iterable[_T]) -> Iterator[tuple[str, _T]]:
+    """What was shown, with its number: the first has 1."""
+    return ((str(number), one) for number, one in enumerate(shown, start=1))
 
 
 def _situation(run: Run, one: Any, start: float) -> str:

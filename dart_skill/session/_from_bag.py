@@ -13,6 +13,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import count
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from dart_skill.recording import (
     DROPPED,
     BagError,
     Demonstration,
-    check_known,
+    ids_named,
     unwanted,
 )
 from dart_skill.recording.imports import (
@@ -161,7 +162,7 @@ def learn_from_bag(
     with_throws
         Also from misses and from the arm's own throws.
     without
-        Ids of throws that are left out, besides the demonstrations that were dropped while they
+        Ids of throws that are left out, or their numbers from 1 in order of time, besides the demonstrations that were dropped while they
         were recorded.
     remember
         How many are learned from at most, so that neither memory nor model grow with the recording
@@ -267,7 +268,7 @@ def _throws_in_parts(
     parts: Iterable[ThrowRecording],
     report: LearnReport,
     thresholds: VelocityThreshold,
-    judged: Callable[[FoundThrow], FoundThrow],
+    judged: Callable[[FoundThrow, int], FoundThrow],
     memory: ThrowMemory,
 ) -> tuple[LearnReport, bool]:
     """A report with what was found in the parts of a recording, and whether the arm's joints were
@@ -284,7 +285,7 @@ def _throws_in_parts(
             source, has_joints = part.source, has_joints or part.joints is not None
             yield part
 
-    memory.take(map(judged, found_in(seen(), thresholds)))
+    memory.take(map(judged, found_in(seen(), thresholds), count(1)))
     return (
         replace(report, source=source, throws=tuple(memory.throws), faults=tuple(faults)),
         has_joints,
@@ -303,11 +304,12 @@ def _reasons(
         return dict.fromkeys(without, AS_ASKED)
 
 
-def _unless(throw: FoundThrow, reasons: Mapping[str, str]) -> FoundThrow:
-    """The throw with the reason why it is not wanted, if so."""
+def _unless(throw: FoundThrow, number: int, reasons: Mapping[str, str]) -> FoundThrow:
+    """The throw with the reason why it is not wanted, if so: by its id, or its number."""
     if throw.demonstration is None or throw.reason:
         return throw
-    return replace(throw, reason=reasons.get(throw.demonstration.id, ""))
+    reason = reasons.get(throw.demonstration.id) or reasons.get(str(number), "")
+    return replace(throw, reason=reason)
 
 
 def _is_unwanted(reason: str) -> bool:
@@ -318,17 +320,23 @@ def _is_unwanted(reason: str) -> bool:
 
 
 def _check_without(report: LearnReport, without: Sequence[str]) -> None:
-    check_known(
+    ids_named(
         without,
-        [throw.shown[0] for throw in report.throws if throw.shown is not None],
+        [throw.shown[0] if throw.shown is not None else "" for throw in report.throws],
         report.source,
     )
 
 
 def _judged(
-    throw: FoundThrow, chosen: ThrowSettings, with_throws: bool, reasons: Mapping[str, str]
+    throw: FoundThrow,
+    number: int,
+    chosen: ThrowSettings,
+    with_throws: bool,
+    reasons: Mapping[str, str],
 ) -> FoundThrow:
-    """The throw with the reason why it is not learned from, if there is one."""
+    """The throw with the reason why it is not learned from, if there is one. number: of all that
+    were found, from 1 on.
+    """
     one, outcome, reason = throw.demonstration, throw.outcome, ""
     if throw.reason or one is None or outcome is None:
         return throw
@@ -340,7 +348,7 @@ def _judged(
             prepare(one, chosen)
         except ValueError as error:
             reason = str(error)
-    return _unless(replace(throw, reason=reason), reasons)
+    return _unless(replace(throw, reason=reason), number, reasons)
 
 
 def _too_few(report: LearnReport, has_joints: bool) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Collection
 from dart_skill.recording import (
     AS_ASKED,
     Demonstration,
-    check_known,
+    ids_named,
     read_demonstrations,
     unwanted,
 )
@@ -31,7 +31,7 @@ def learn_skill(
     configuration
         Name, of a skill that has such; empty: the usual one.
     without
-        Ids that are left out, besides those that were dropped while they were recorded.
+        Ids that are left out, or numbers from 1 in the order of the source, besides those that were dropped while they were recorded.
 
     Raises
     ------
@@ -56,14 +56,16 @@ Found = tuple[list[Demonstration], dict[str, str]]
 
 def _in_bag(path: str | os.PathLike, skill: Skill, without: Collection[str]) -> Found:
     shown = read_demonstrations(path, skill.name)
-    check_known(without, [one.id for one in shown], str(path))
+    without = ids_named(without, [one.id for one in shown], str(path))
     reasons = unwanted(path, without)
     left_out = {one.id: reasons[one.id] for one in shown if one.id in reasons}
     return [one for one in shown if one.id not in left_out], left_out
 
 
 def _in_dataset(dataset: LeRobotDataset, skill: Skill, without: Collection[str]) -> Found:
-    check_known(without, [id_of_episode(one) for one in dataset.episodes], str(dataset.path))
+    without = ids_named(
+        without, [id_of_episode(one) for one in dataset.episodes], str(dataset.path)
+    )
     shown, left_out = [], {}
     for episode in dataset.episodes:
         name = id_of_episode(episode)

@@ -23,7 +23,7 @@ from dart_skill.recording import (
     Event,
     GraphBag,
     Track,
-    check_known,
+    ids_named,
     read_demonstrations,
     skill_of,
     stamp_ns,
@@ -163,7 +163,7 @@ def _published(
     path: str | os.PathLike, skill: Skill, without: Sequence[str]
 ) -> tuple[list[Shown], dict[str, str]]:
     found = read_demonstrations(path, skill.name)
-    check_known(without, [one.id for one in found], str(path))
+    without = ids_named(without, [one.id for one in found], str(path))
     reasons = unwanted(path, without)
     kept = [one for one in found if one.id not in reasons]
     return [_as_published(one) for one in kept], {

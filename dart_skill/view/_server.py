@@ -1,26 +1,32 @@
 """The web server of the view: viser, an optional package, bound to this machine and closed to
 pages of other origins.
+
+viser serves every page with its own title, and lets everybody in. So each request is looked at
+before viser sees it: a stranger is refused, and a page whose address lacks the token says so.
 """
 
 from __future__ import annotations
 
 import contextlib
 import hmac
+import html
+import http
 import importlib
 import io
 import ipaddress
 import logging
 import secrets
 import socket
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from types import ModuleType
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import parse_qs, urlsplit
 
 from dart_skill.common.extras import remedy
 
-POLICY_VIOLATION = 1008
-"""Status with which a websocket is closed (RFC 6455, section 7.4.1)."""
+FULL_ADDRESS = "the token is not in it: 'dart-skill status' prints the whole address"
+"""What is told to a program that opens a websocket without the token."""
 
 
 class ViewUnavailable(RuntimeError):
@@ -71,9 +77,8 @@ def open_server(
     _check_free(host, port)
     logging.getLogger("websockets.server").addFilter(_without_traceback)
     # viser prints a panel; our callers say it in their own way
-    with contextlib.redirect_stdout(io.StringIO()):
+    with contextlib.redirect_stdout(io.StringIO()), _asked_first(title, token):
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
-    _refuse_strangers(server, token)
     # any client may ask viser for a public address; an arm is not to be had from outside
     server.request_share_url = _never_share
     server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
@@ -141,22 +146,73 @@ def _is_own_name(name: str) -> bool:
     return True
 
 
-def _refuse_strangers(server: Any, token: str) -> None:
-    # viser has no public way to see the request of a connection
-    websockets = server._websock_server
+@contextlib.contextmanager
+def _asked_first(title: str, token: str) -> Iterator[None]:
+    """A server of viser that is made meanwhile asks `_answer` first: viser has no way to say that."""
+    websockets: Any = importlib.import_module("websockets.asyncio.server")
+    serve = websockets.serve
 
-    async def check(connection: Any) -> None:
-        socket_of_client = websockets._live_connections[connection.client_id]
-        if not is_own_page(socket_of_client.request.headers):
-            await socket_of_client.close(
-                POLICY_VIOLATION, "pages of other origins do not move this arm"
-            )
-        elif not has_token(socket_of_client.request.path, token):
-            await socket_of_client.close(
-                POLICY_VIOLATION, "open the whole address that the viewer prints"
-            )
+    def serve_asked_first(*given: Any, process_request: Callable, **more: Any) -> Any:
+        return serve(
+            *given, process_request=partial(_answer, process_request, title, token), **more
+        )
 
-    websockets.on_client_connect(check)
+    websockets.serve = serve_asked_first
+    try:
+        yield
+    finally:
+        websockets.serve = serve
+
+
+def _answer(viser_answers: Callable, title: str, token: str, connection: Any, request: Any) -> Any:
+    """The answer to a request: None opens a websocket."""
+    if request.headers.get("Upgrade") == "websocket":
+        if not is_own_page(request.headers):
+            return connection.respond(
+                http.HTTPStatus.FORBIDDEN, "pages of other origins do not move this arm\n"
+            )
+        if not has_token(request.path, token):
+            return connection.respond(http.HTTPStatus.FORBIDDEN, f"{FULL_ADDRESS}\n")
+        return viser_answers(connection, request)
+    page = urlsplit(request.path)
+    if page.path not in ("/", "/index.html"):
+        return viser_answers(connection, request)
+    websocket = parse_qs(page.query).get("websocket", [""])[0]
+    if not has_token(urlsplit(websocket).path, token):
+        return _as_page(connection, http.HTTPStatus.FORBIDDEN, _refusal(title, websocket))
+    del request.headers["Accept-Encoding"]  # the title stands in the text
+    text = viser_answers(connection, request).body.decode()
+    title_tag = f"<title>{html.escape(title)}</title>"
+    return _as_page(
+        connection, http.HTTPStatus.OK, text.replace("<title>Viser</title>", title_tag, 1)
+    )
+
+
+def _as_page(connection: Any, status: http.HTTPStatus, text: str) -> Any:
+    response = connection.respond(status, text)
+    del response.headers["Content-Type"]
+    response.headers["Content-Type"] = "text/html; charset=utf-8"
+    return response
+
+
+def _refusal(title: str, websocket: str) -> str:
+    """The page for who has not the token: what is missing, and where it is."""
+    missing = (
+        "The token in this address is not that of the page: it is new each time the page is served."
+        if websocket
+        else "This address lacks the token, without which nobody may look at the arm or move it."
+    )
+    name = html.escape(title)
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<title>{name}</title>
+<style>:root {{ color-scheme: light dark; }} body {{ font: 1.1rem/1.5 sans-serif; max-width: 36rem;
+  margin: 4rem auto; padding: 0 1rem; }} code {{ font-size: 1.05em; }}</style></head>
+<body><h1>{name}</h1>
+<p>{missing}</p>
+<p>Type <code>dart-skill status</code> where the arm runs: it prints the whole address. So did
+<code>dart-skill up --viewer</code>, or the viewer, when it started.</p></body></html>
+"""
 
 
 def _without_traceback(record: logging.LogRecord) -> bool:

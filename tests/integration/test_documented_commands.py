@@ -263,6 +263,9 @@ TYPED = {
     "dask worker tcp://192.168.10.1:8786 --nworkers 8 --nthreads 1": CLUSTER,
     # the graph
     "dart-skill up --viewer": OnTheGraph("--output up --port 0", says="all nodes are ready"),
+    "dart-skill up --open": Elsewhere(
+        "integration/test_up.py::test_the_page_is_that_of_the_skill_and_its_address_is_told_and_opened"
+    ),
     "dart-skill up --viewer --port 0": Elsewhere(
         "integration/test_documented_commands.py::test_a_command_on_the_graph"
     ),
@@ -584,6 +587,9 @@ TYPED = {
     ),
     "dart-skill darts match --sigma 12 --against 15 --legs 11": OtherNumbers(
         "dart-skill darts match --sigma 12 --against 15"
+    ),
+    "dart-skill darts match --sigma 12 --against 15 --legs 11 --quick": Run(
+        "--start 60", says="both play for the fewest turns"
     ),
     "dart-skill darts search --methods mixture,power,cem,cma,niches,sharpening --schedules thesis,extended --results runs.jsonl": Run(
         "--methods power --schedules thesis --seeds 1", says="power", leaves="runs.jsonl"
@@ -1010,7 +1016,7 @@ def test_the_nodes_have_what_ros2_is_asked_for(page, command):
 def check_next(said: str) -> None:
     """Whether the command that is recommended at the end is one."""
     for line in re.findall(r"^next: (.*)", said, re.MULTILINE):
-        command = re.sub(r"^open .* or ", "", line)
+        command = re.sub(r"^open .* or |, or open http\S+$", "", line)
         if command.startswith("ros2"):
             check_ros2(command)
         else:

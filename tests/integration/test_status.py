@@ -136,3 +136,22 @@ def test_where_no_node_of_the_graph_is_found_something_is_wrong(
 def test_a_column_is_as_wide_as_what_stands_in_it_and_no_wider_than_it_may_be():
     rows = [("x" * 9, "y"), ("z", "w")]
     assert table(("a", "b"), rows) == ["a          b", "xxxxxxxxx  y", "z          w"]
+
+
+@pytest.mark.parametrize(
+    ("kept", "says"),
+    [
+        ("http://127.0.0.1:8080/?websocket=ws://127.0.0.1:8080/secret\n", "whole"),
+        (None, "where it is"),  # on another machine
+        ("another text of this user\n", "where it is"),
+        ("http://127.0.0.1:8080/\x1b[2J\n", "where it is"),
+    ],
+)
+def test_the_page_of_a_viewer_is_told_with_its_token(tmp_path, kept, says):
+    file = tmp_path / "address.txt"
+    if kept is not None:
+        file.write_text(kept)
+    values = {"address": "http://127.0.0.1:8080", "address_file": str(file)}
+    viewer = NodeReport("viewer", READY, "where it is", "9", values)
+    (told,) = status.with_pages(replace(WELL, nodes=(viewer,))).nodes
+    assert told.says == (kept.strip() if says == "whole" else says)

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -105,15 +106,30 @@ def test_every_node_is_told_of_is_taught_learns_throws_and_none_is_left_after_ct
     assert end(process)[-1]["event"] == "down"
 
 
-def test_the_page_is_that_of_the_skill(start):
-    process = start("--skill", "place", "--viewer", "--port", "0")
+def test_the_page_is_that_of_the_skill_and_its_address_is_told_and_opened(
+    start, tmp_path, monkeypatch
+):
+    opened = tmp_path / "opened.txt"
+    browser = tmp_path / "browser"
+    browser.write_text(f'#!/bin/sh\necho "$1" > {opened}\n')
+    browser.chmod(0o755)
+    monkeypatch.setenv("BROWSER", str(browser))
+    process = start("--skill", "place", "--open", "--port", "0")
     events = events_until(process, "up")
     (url,) = [event["message"] for event in events if event["node"] == "viewer"]
+    assert events[-1]["next"] == f"dart-skill teach --count 5, or open {url}"
+    (viewer,) = [node for node in told_by("status")["nodes"] if node["name"] == "viewer"]
+    assert viewer["says"] == url
+    kept = Path(viewer["values"]["address_file"])
+    assert kept.read_text().strip() == url and kept.stat().st_mode & 0o777 == 0o600
+    until(lambda: opened.is_file() and opened.read_text(), "the browser")
+    assert opened.read_text().strip() == url
     with PageClient(url, origin=url) as page:
         page.wait_for(
             lambda: page.says("Press Teach to have place shown"), PATIENCE, "what to press"
         )
     end(process)
+    assert not kept.exists()
 
 
 @pytest.mark.slow

@@ -153,7 +153,14 @@ class Darts(Throw):
     @property
     def words(self) -> SkillWords:
         hang = "hang the board where board_position of config/world.yaml says, in sight of the cameras"
-        return replace(super().words, stand=hang, lessons=8, tries=75, unit=("mm", 1000.0))
+        return replace(
+            super().words,
+            stand=hang,
+            lessons=8,
+            tries=75,
+            unit=("mm", 1000.0),
+            demo_seconds=145.0,
+        )
 
     @property
     def situated(self) -> tuple[str, ...]:

@@ -118,6 +118,7 @@ class Place(Skill):
             super().words,
             load="put the part between the fingers as it was shown, then stand back",
             then="the arm places it",
+            demo_seconds=82.0,
         )
 
     def check_seen(self, role: str, pose: Pose) -> None:

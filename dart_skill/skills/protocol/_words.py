@@ -31,6 +31,8 @@ class SkillWords:
         What that is called, many.
     lessons, tries
         Demonstrations, and trials, that are asked for at first.
+    demo_seconds
+        What a demo with so many takes over nodes, on two idle cores [s]; 0: not measured.
     done, failed
         A trial that succeeded, and one that did not.
     off, unseen
@@ -68,6 +70,7 @@ class SkillWords:
     result: tuple[str, str] = ("done", "failed")
     lesson: str = "shown"
     tries: int = 10
+    demo_seconds: float = 0.0
 
     @property
     def trial(self) -> str:

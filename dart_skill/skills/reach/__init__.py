@@ -99,6 +99,7 @@ class Reach(Skill):
             stand="put the cup where the belt begins, and let the cameras see it",
             then="the belt may start",
             start="start the belt: the arm reaches as soon as the cup moves",
+            demo_seconds=72.0,
         )
 
     def solids(self, role: str) -> Sequence[Solid]:

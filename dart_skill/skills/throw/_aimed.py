@@ -96,6 +96,7 @@ class AimedSkill(Skill):
             unit=("cm", 100.0),
             result=("in", "out"),
             lesson="in",
+            demo_seconds=17.0,
         )
 
     @property

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 JOINT_STATES = "joint_states"
 COMMANDS, GUIDING = "wam/command", "wam/teacher_wrench"
 """What moves the arm: the commander's commands, and the forces of a person who guides it."""
+ADDRESS_FILE = "address_file"
+"""Key of a viewer on /diagnostics: where on its machine its whole address is, token included."""
 CLOCK = "clock"
 """Clock of a graph: each simulator has a time of its own."""
 DESCRIPTION = "robot_description"

@@ -24,8 +24,8 @@ from dart_skill.common import palette
 from dart_skill.common.words import counted
 from dart_skill.recording import (
     Marks,
-    check_known,
     demonstration_from_message,
+    ids_named,
     read_demonstrations,
     read_dropped,
 )
@@ -106,7 +106,8 @@ class SkillLearner(GuardedNode):
         response.pending = not request.bag and len(self._heard) < request.at_least
         if response.pending:
             response.message = (
-                f"{len(self._heard)} of {request.at_least} demonstrations have been heard so far"
+                f"{len(self._heard)} of {request.at_least} demonstrations have been heard so far:"
+                " dart-skill teach --count 5 shows some"
             )
             return response
         try:
@@ -129,7 +130,7 @@ class SkillLearner(GuardedNode):
     ) -> tuple[Lesson, list[str]]:
         """Learn from a bag, or from what was heard, but for what was dropped; the ids of that."""
         heard = read_demonstrations(bag, self._skill.name) if bag else list(self._heard.values())
-        check_known(without, [one.id for one in heard], bag or "the learner")
+        without = ids_named(without, [one.id for one in heard], bag or "the learner")
         out = (read_dropped(bag) if bag else self._marked.dropped) | set(without)
         lesson = self._learner.learn([one for one in heard if one.id not in out], configuration)
         return lesson, [one.id for one in heard if one.id in out]
@@ -168,15 +169,15 @@ class SkillLearner(GuardedNode):
 
     def _on_drop(self, request, response):
         try:
-            check_known([request.id], list(self._heard), "the learner")
+            (name,) = ids_named([request.id], list(self._heard), "the learner")
         except ValueError as error:
             raise ValueError(f"{error}: see dart-skill demonstrations") from error
-        mark = DemonstrationMark(id=request.id, dropped=not request.restore)
+        mark = DemonstrationMark(id=name, dropped=not request.restore)
         mark.header.stamp = SYSTEM.now().to_msg()
         self._marked.take(mark)
         self._marks.publish(mark)
         what = "counts again" if request.restore else "is dropped"
-        response.message = f"{request.id} {what}: learn again (dart-skill learn)"
+        response.message = f"{name} {what}: learn again (dart-skill learn)"
 
     def _on_plan(self, request, response):
         try:

@@ -8,7 +8,9 @@ own: what they ask for comes through a queue, and the scene changes in the execu
 
 import os
 import queue
+import tempfile
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from dart_skill_msgs.action import Practice, Teach
@@ -28,6 +30,7 @@ from dart_skill_nodes.client.viewer_jobs import ViewerJobs, in_words
 from dart_skill_nodes.comms.coroutines import start
 from dart_skill_nodes.comms.for_viewers import ellipsoids
 from dart_skill_nodes.comms.names import (
+    ADDRESS_FILE,
     DEMONSTRATIONS,
     DIAGNOSTICS,
     in_graph,
@@ -40,6 +43,17 @@ from dart_skill_nodes.process.parameters import declare, declare_bodies, skill_o
 
 CAMERAS = "mock_optitrack"
 """The node whose parameters say where the cameras stand."""
+
+
+def _kept(address: str) -> Path:
+    """A new file with the whole address of the page, which only this user can read: everybody
+    hears what a node says of itself.
+    """
+    with tempfile.NamedTemporaryFile(
+        "w", prefix="dart_skill_viewer_", suffix=".txt", delete=False
+    ) as file:
+        file.write(f"{address}\n")
+    return Path(file.name)
 
 
 def _shown(skill: Skill, message: Demonstration) -> tuple[np.ndarray, np.ndarray]:
@@ -92,6 +106,7 @@ class Viewer(GuardedNode):
             )
             held.on_drag(lambda place: self._requests.put(Request("pull", {"place": place})))
         self._subscribe()
+        self._whole_address = _kept(with_token(url_of(self._server), token))
         self._diagnostics = Diagnostics(self, self._describe)
         self._pictures_timer = None
         self._hurry(False)
@@ -216,9 +231,10 @@ class Viewer(GuardedNode):
         address = url_of(self._server)
         return (
             OK,
-            f"{address}, with the token that was printed where it was started",
+            f"{address}, with the token that is in {self._whole_address}",
             {
                 "address": address,
+                ADDRESS_FILE: self._whole_address,
                 "browsers": len(self._server.get_clients()),
                 "demonstrations": len(self._demonstrations),
             },
@@ -227,6 +243,7 @@ class Viewer(GuardedNode):
     def destroy_node(self) -> None:
         self._live.close()
         self._server.stop()
+        self._whole_address.unlink(missing_ok=True)
         super().destroy_node()
 
 

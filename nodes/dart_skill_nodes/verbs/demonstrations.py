@@ -55,6 +55,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
             return _listed(client, options.compare)
         name = id_of(client, options.id)
         text = client.drop(name, restore=options.task == "restore")
+        text = text if name == options.id else text.replace(name, f"{options.id} ({name})", 1)
         told = {"text": text, "message": text, "id": name, "ok": True}
         return {**told, "next": "dart-skill learn"}
 

@@ -4,13 +4,14 @@ import argparse
 import json
 import math
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.printable import printable
 from dart_skill.cli.run_options import add_namespace
-from dart_skill_nodes.client.graph_report import GraphReport
-from dart_skill_nodes.comms.names import GUIDING
+from dart_skill_nodes.client.graph_report import GraphReport, NodeReport
+from dart_skill_nodes.comms.names import ADDRESS_FILE, GUIDING
 from dart_skill_nodes.process.environment import Interrupts, stay_on_this_machine
 from dart_skill_nodes.verbs.on_graph import say
 
@@ -52,6 +53,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         else:
             say(f"dart-skill status: {problem}")
         return 1
+    report = with_pages(report)
     print(json.dumps(as_json(report)) if options.json else as_text(report))
     return 1 if report.problems else 0
 
@@ -95,6 +97,23 @@ def _look(node: "Node", spin, seconds: float) -> GraphReport | None:
         return listener.report(this_domain())
     finally:
         listener.close()
+
+
+def with_pages(report: GraphReport) -> GraphReport:
+    """The report with the whole address of a viewer's page, token included, where this user may
+    read the file in which the viewer keeps it.
+    """
+    return replace(report, nodes=tuple(map(_with_page, report.nodes)))
+
+
+def _with_page(node: NodeReport) -> NodeReport:
+    address = node.values.get("address", "")
+    try:
+        whole = Path(node.values.get(ADDRESS_FILE, "")).read_text().strip()
+    except (OSError, ValueError):  # it runs on another machine, or another user's
+        return node
+    is_it = address and whole.startswith(f"{address}/") and whole.isprintable()
+    return replace(node, says=whole) if is_it else node
 
 
 def as_json(report: GraphReport) -> dict:

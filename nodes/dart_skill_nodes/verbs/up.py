@@ -5,6 +5,7 @@ import json
 import os
 import sys
 import time
+import webbrowser
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -72,6 +73,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rate", type=float, help="of a replay; 0: as fast as can be (default 1)")
     parser.add_argument("--viewer", action="store_true", help="the live view, too")
     parser.add_argument(
+        "--open", action="store_true", help="the live view, too, opened in the browser"
+    )
+    parser.add_argument(
         "--port",
         type=int,
         metavar="N",
@@ -93,6 +97,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Start the graph and stay; returns the exit status."""
+    options.viewer |= options.open
     options.layout = options.layout or ("replay" if options.play else "composed")
     if (options.layout == "replay") != bool(options.play):
         parser.error("the layout replay, and no other, needs --play BAG")
@@ -149,6 +154,7 @@ class Status:
 
         self._node, self.strangers, self.own, self._nodes = client.node, set(), set(), nodes
         self.silent, self._said, self._tell, self._begun = set(nodes), {}, tell, time.monotonic()
+        self.page = ""  # of the live view, its whole address
         client.node.create_subscription(DiagnosticArray, DIAGNOSTICS, self._take, 50)
 
     def _take(self, message) -> None:
@@ -162,11 +168,12 @@ class Status:
             elif name in self.silent or (name in self._said and self._said[name] != status.level):
                 self.silent.discard(name)
                 self._said[name] = status.level
-                message = page(values["address"]) if "address" in values else status.message
+                if "address" in values:
+                    self.page = page(values["address"])
                 self._tell(
                     LEVELS[status.level],
                     node=name,
-                    message=message,
+                    message=self.page if "address" in values else status.message,
                     seconds=round(time.monotonic() - self._begun, 1),
                 )
 
@@ -244,19 +251,24 @@ def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
                 )
             if not (status.silent or is_up):
                 is_up = True
-                _tell_up(client, options, graph, tell)
+                _tell_up(client, options, graph, tell, status.page)
+                if options.open and not webbrowser.open(status.page):
+                    tell("note", message="no browser was found here: open the address yourself")
         tell("down", message="ending all nodes")
 
 
-def _tell_up(client: "GraphClient", options: argparse.Namespace, graph: Graph, tell) -> None:
+def _tell_up(
+    client: "GraphClient", options: argparse.Namespace, graph: Graph, tell, address: str
+) -> None:
     """All nodes are ready; the learner has the model that was asked for. GraphFailure where it
-    refuses that.
+    refuses that. address: of the live view, empty without one.
     """
     model = f"model {client.load(options.model)}; " if options.model else ""
     then = NEXT[options.layout]
     if options.model and options.layout in SIMULATED:
         then = "dart-skill execute"
     then = of_graph(then, options.namespace)
+    then += f", or open {address}" if address else ""
     tell(
         "up",
         message=f"all nodes are ready; {model}logs in {graph.logs}; Ctrl-C ends them",

@@ -215,6 +215,20 @@ def test_a_match_says_how_far_it_is(capsys):
     assert len(said) == 3 and all(f"({n} of 3)" in line for n, line in enumerate(said, 1))
 
 
+def test_a_quick_match_is_that_of_the_fewest_turns(run, match_from_11):
+    quick = ("match", "--sigma", 12, "--against", 15, "--start", 11, "--legs", 3, "--quick")
+    policy = solve_match(12.0, 15.0, 11, ("turns", "turns"))
+    status, result = run(*quick, "--json")
+    leg = {"first": policy.me.first[11, 11], "second": policy.me.second[11, 11]}
+    assert status == 0 and result["leg_both_fewest_turns"] == pytest.approx(leg)
+    assert "leg" not in result and "example" not in result
+    assert result["match"]["chance"] == pytest.approx(match_chance(*leg.values(), 3))
+    _, text = run(*quick)
+    assert f"both play for the fewest turns: you win {100 * leg['first']:.2f} %" in text
+    # what is left out for it is worth little
+    assert leg["first"] == pytest.approx(match_from_11.me.first[11, 11], abs=0.02)
+
+
 @pytest.mark.slow
 def test_each_player_of_a_match_has_a_spread_of_any_kind(run):
     mine, theirs = (

@@ -30,3 +30,20 @@ def test_a_number_that_the_list_does_not_have_is_refused(ids, said):
     for given in ("0", "3"):
         with pytest.raises(ValueError, match=f"no demonstration {given}: .*{said}"):
             verb.id_of(Listing(*ids), given)
+
+
+def test_who_drops_by_number_hears_number_and_id(monkeypatch):
+    class Dropping(Listing):
+        def drop(self, name, restore):
+            return f"{name} is {'back' if restore else 'dropped'}"
+
+    told = []
+    monkeypatch.setattr(
+        verb,
+        "on_running_graph",
+        lambda options, ready, task: told.append(task(Dropping("a7", "b8"))["text"]),
+    )
+    for given in ("2", "b8"):
+        options = SimpleNamespace(id=given, task="drop", compare=False)
+        verb.main(options, None)
+    assert told == ["2 (b8) is dropped", "b8 is dropped"]

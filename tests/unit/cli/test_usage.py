@@ -45,6 +45,20 @@ def test_what_is_misspelt_is_guessed(typed, meant, capsys):
     assert end.value.code == 2 and f"; did you mean '{meant}'?" in said
 
 
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        (["bag", "info", "somewhere", "--jsno"], "--json"),
+        (["darts", "match", "--sigma=12", "--against=15", "--lges=3"], "--legs"),
+    ],
+)
+def test_an_option_that_is_misspelt_is_guessed(typed, meant, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(typed)
+    said = capsys.readouterr().err
+    assert end.value.code == 2 and f"; did you mean '{meant}'?" in said
+
+
 def test_of_what_is_like_no_command_nothing_is_guessed(capsys):
     with pytest.raises(SystemExit):
         main(["nonsense"])

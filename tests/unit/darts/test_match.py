@@ -306,3 +306,20 @@ def test_a_state_that_cannot_be_is_refused(solved, arguments, words):
 def test_a_match_that_is_none_is_refused(arguments, words):
     with pytest.raises(ValueError, match=words):
         match_chance(*arguments)
+
+
+def test_the_work_on_a_match_is_told_from_begin_to_end():
+    told = []
+    solve_match(12.0, 15.0, 11, tell=told.append)
+    assert len(told) > 20 and told == sorted(told)
+    assert told[0] > 0.0 and told[-1] == pytest.approx(1.0)
+
+
+def test_a_player_who_counts_turns_alone_is_made_of_the_same_aims(players):
+    me, them = players
+    quick = match_player(12.0, START, "turns")
+    assert len(quick.aims) < len(me.aims)
+    slow, fast = (solve_match(one, them, START, FEWEST).me.first for one in (me, quick))
+    np.testing.assert_allclose(fast, slow, atol=1e-12)
+    with pytest.raises(ValueError, match="play must be one of best, turns, got 'both'"):
+        match_player(12.0, START, "both")

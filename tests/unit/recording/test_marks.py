@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from dart_skill.recording import Marks
-from dart_skill.recording.marks import check_known
+from dart_skill.recording.marks import ids_named
 
 
 def mark(seconds, name, dropped):
@@ -33,6 +33,17 @@ def test_a_mark_that_comes_again_is_no_news():
     assert pending == [] and not there.dropped
 
 
+def test_a_demonstration_is_named_by_its_id_or_its_number():
+    assert ids_named(["b", "1"], ["a", "b"], "the bag") == ["b", "a"]
+    for none in ("0", "3", "", "2"):
+        with pytest.raises(
+            ValueError, match=f"no demonstration '{none}': .* numbers 1 to 2, or a"
+        ):
+            ids_named([none], ["a", ""], "the bag")
+
+
 def test_an_unknown_id_is_named_beside_those_that_there_are():
-    with pytest.raises(ValueError, match="the bag has no demonstration 'c': there are a, b"):
-        check_known(["a", "c"], ["a", "b"], "the bag")
+    with pytest.raises(
+        ValueError, match="the bag has no demonstration 'c': there are numbers 1 to 2, or a, b"
+    ):
+        ids_named(["a", "c"], ["a", "b"], "the bag")

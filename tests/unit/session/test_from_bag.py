@@ -214,7 +214,10 @@ def test_a_demonstration_that_was_dropped_while_it_was_recorded_is_left_out(
 
 
 @pytest.mark.parametrize("raw", [True, False], ids=["found", "published"])
-def test_a_demonstration_can_be_left_out_by_its_id(recorded_session, shown, tmp_path, capsys, raw):
+@pytest.mark.parametrize("by_number", [True, False])
+def test_a_demonstration_can_be_left_out_by_its_id_or_number(
+    recorded_session, shown, tmp_path, capsys, raw, by_number
+):
     way = [] if raw else ["--demonstrations-topic"]
     assert (
         run(
@@ -222,14 +225,15 @@ def test_a_demonstration_can_be_left_out_by_its_id(recorded_session, shown, tmp_
                 recorded_session[0],
                 *way,
                 "--without",
-                shown[1].id,
+                "2" if by_number else shown[1].id,
                 "--output",
                 tmp_path / "model.npz",
             ]
         )
         == 0
     )
-    assert "left out: as asked" in capsys.readouterr().out
+    (line,) = [one for one in capsys.readouterr().out.splitlines() if "left out: as asked" in one]
+    assert shown[1].id in line and (not raw or line.split()[0] == "2")
     assert [one.id for one in load_model(tmp_path / "model.npz")[0]] == [shown[0].id, shown[2].id]
     with pytest.raises(
         ValueError, match=f"no demonstration 'demonstration_3': there are .*{shown[0].id}"

@@ -7,12 +7,14 @@ import socket
 import subprocess
 import sys
 import time
+import urllib.error
+import urllib.request
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from dart_skill import view
 from dart_skill.arm import ArmModel, fixed_transforms, joint_transforms, the_arm
@@ -716,12 +718,10 @@ def test_only_pages_of_this_server_may_open_its_websocket(headers, own):
 
 
 def test_a_page_of_another_origin_is_turned_away_before_it_can_click(server, asked):
-    with (
-        pytest.raises(ConnectionClosed) as closed,
-        PageClient(view.url_of(server), origin="http://example.org") as stranger,
-    ):
-        stranger.wait_for(lambda: False, limit=20.0)
-    assert closed.value.rcvd.code == 1008
+    with pytest.raises(InvalidStatus) as refused:
+        PageClient(view.url_of(server), origin="http://example.org")
+    assert refused.value.response.status_code == 403
+    assert b"pages of other origins" in refused.value.response.body
     with PageClient(view.url_of(server)) as program:
         program.click("Stop")
         program.wait_for(lambda: asked, what="the request of a program")
@@ -733,12 +733,47 @@ def test_only_who_has_the_token_is_let_in():
         url = view.url_of(server)
         view.Panel(server, view.Scene(server), asked.append)
         for wrong in (url, view.with_token(url, "xyzz"), view.with_token(url, "xyzzy/more")):
-            with pytest.raises(ConnectionClosed) as closed, PageClient(wrong) as stranger:
-                stranger.wait_for(lambda: False, limit=20.0)
-            assert closed.value.rcvd.code == 1008 and not asked
+            with pytest.raises(InvalidStatus) as refused:
+                PageClient(wrong)
+            assert refused.value.response.status_code == 403 and not asked
+            assert b"dart-skill status" in refused.value.response.body
         with PageClient(view.with_token(url, "xyzzy"), origin=url) as page:
             page.click("Stop")
             page.wait_for(lambda: asked, what="the request of the page")
+    finally:
+        server.stop()
+
+
+def _fetched(url):
+    """Status and text of a page."""
+    try:
+        with urllib.request.urlopen(url, timeout=30) as answer:
+            return answer.status, answer.read().decode()
+    except urllib.error.HTTPError as error:
+        return error.code, error.read().decode()
+
+
+def test_the_tab_has_the_title_of_the_page(server):
+    status, text = _fetched(view.url_of(server))
+    assert status == 200 and "<title>dart_skill</title>" in text and "Viser</title>" not in text
+    assert len(text) > 100_000, "not the page of viser"
+
+
+def test_a_page_without_its_token_says_what_is_missing():
+    server = view.open_server(token="xyzzy", title="arm <1>")
+    try:
+        url = view.url_of(server)
+        for wrong, missing in (
+            (url, "This address lacks the token"),
+            (view.with_token(url, "xyzz"), "The token in this address is not that of the page"),
+        ):
+            status, text = _fetched(wrong)
+            assert status == 403 and missing in text and "dart-skill status" in text
+            assert "<title>arm &lt;1&gt;</title>" in text
+            assert "xyzz" not in text
+        status, text = _fetched(view.with_token(url, "xyzzy"))
+        assert status == 200 and "<title>arm &lt;1&gt;</title>" in text
+        assert _fetched(f"{url}/nothing")[0] == 404
     finally:
         server.stop()
 
