@@ -156,7 +156,13 @@ class Entries:
     optional: Mapping[str, Kind] = field(default_factory=dict)
 
     def check(self, value: Any, name: str) -> None:
-        """See `Kind`."""
+        """See `Kind`.
+
+        Raises
+        ------
+        ConfigurationError
+            For a name that is unknown, or missing, too.
+        """
         check_names(value, name)
         known = {**self.needed, **self.optional}
         for key in value:

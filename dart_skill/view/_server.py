@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import contextlib
 import hmac
+import http
 import importlib
 import io
 import ipaddress
 import logging
 import secrets
 import socket
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from types import ModuleType
 from typing import Any
 from urllib.parse import urlsplit
@@ -70,8 +71,9 @@ def open_server(
     viser = load_viser()
     _check_free(host, port)
     logging.getLogger("websockets.server").addFilter(_without_traceback)
+    logging.getLogger("asyncio").addFilter(_unusable_in_a_line)
     # viser prints a panel; our callers say it in their own way
-    with contextlib.redirect_stdout(io.StringIO()):
+    with contextlib.redirect_stdout(io.StringIO()), _refusing_long_paths():
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
     _refuse_strangers(server, token)
     # any client may ask viser for a public address; an arm is not to be had from outside
@@ -159,14 +161,49 @@ def _refuse_strangers(server: Any, token: str) -> None:
     websockets.on_client_connect(check)
 
 
+@contextlib.contextmanager
+def _refusing_long_paths() -> Iterator[None]:
+    """Where viser opens its server: a request for what cannot be the name of a file is answered with
+    404 (NOT FOUND). viser asks the system for it, and answers with 500 (INTERNAL SERVER ERROR).
+    """
+    module = importlib.import_module("websockets.asyncio.server")
+    serve = module.serve
+
+    def serving(*args: Any, process_request: Callable, **others: Any) -> Any:
+        def answer(connection: Any, request: Any) -> Any:
+            try:
+                return process_request(connection, request)
+            except (OSError, ValueError):
+                return connection.respond(http.HTTPStatus.NOT_FOUND, "NOT FOUND\n")
+
+        return serve(*args, process_request=answer, **others)
+
+    module.serve = serving
+    try:
+        yield
+    finally:
+        module.serve = serve
+
+
+def _in_a_line(record: logging.LogRecord, what: str) -> None:
+    if record.exc_info and (error := record.exc_info[1]) is not None:
+        said = f"{type(error).__name__}: {error}".strip().split("\n")[0][:200]
+        record.msg, record.args = f"{what}: %s", (said,)
+        record.exc_info = record.exc_text = None
+
+
+def _unusable_in_a_line(record: logging.LogRecord) -> bool:
+    """Says in a line that a page sent a message that viser cannot use, which changes nothing."""
+    if "WebsockMessageHandler" in record.getMessage():
+        _in_a_line(record, "a message of a page is ignored")
+    return True
+
+
 def _without_traceback(record: logging.LogRecord) -> bool:
     """Says in a line what a client sent that cannot be read: it has lost its connection, and nothing
     else has happened.
     """
-    if record.exc_info and (error := record.exc_info[1]) is not None:
-        what = f"{type(error).__name__}: {error}".strip().split("\n")[0][:200]
-        record.msg, record.args = "a connection to the page was closed: %s", (what,)
-        record.exc_info = record.exc_text = None
+    _in_a_line(record, "a connection to the page was closed")
     return True
 
 

@@ -8,10 +8,13 @@ import subprocess
 import sys
 import time
 from types import SimpleNamespace
+from urllib.error import HTTPError
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from viser import _messages
 from websockets.exceptions import ConnectionClosed
 
 from dart_skill import view
@@ -741,6 +744,28 @@ def test_only_who_has_the_token_is_let_in():
             page.wait_for(lambda: asked, what="the request of the page")
     finally:
         server.stop()
+
+
+@pytest.mark.parametrize("path", ["a" * 7000, "a" * 300, "a/" * 3000, "%00"])
+def test_a_path_that_can_be_no_file_is_not_found(server, path):
+    with pytest.raises(HTTPError) as refused:
+        urlopen(f"{view.url_of(server)}/{path}", timeout=20)
+    assert refused.value.code == 404
+
+
+@pytest.mark.parametrize(
+    ("sent", "said"),
+    [
+        ({"value": "text"}, "could not convert string to float: 'text'"),
+        ({"nothing": 1}, "a message of a page is ignored: AssertionError"),
+    ],
+)
+def test_a_message_that_cannot_be_used_is_said_in_a_line(server, caplog, sent, said):
+    slider = server.gui.add_slider("pace", min=0.0, max=1.0, step=0.1, initial_value=0.5)
+    with PageClient(view.url_of(server)) as page:
+        page.send(_messages.GuiUpdateMessage(slider._impl.uuid, sent))
+        page.wait_for(lambda: said in caplog.text, what="a line in the log")
+    assert "Traceback" not in caplog.text and slider.value == 0.5
 
 
 def test_there_is_no_public_address(server):
