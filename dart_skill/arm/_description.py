@@ -8,11 +8,14 @@ limits and the occlusion model.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dart_skill.arm._arm_files import WAM_FILE
 from dart_skill.common import flight
+from dart_skill.common.configuration import read_yaml
 from dart_skill.common.quaternions import product
 from dart_skill.common.world import World, the_world
 
@@ -374,6 +377,19 @@ DART = HeldBall(
 """A dart as the hand holds and throws it. Inertia: of a rod with its mass and a length of 10 cm
 [kg m^2].
 """
+
+
+def read_description(path: Path) -> ArmDescription:
+    """The description of a file that is made as config/wam.yaml is.
+
+    Raises
+    ------
+    ConfigurationError
+        Names the file, the entry and what it must be.
+    """
+    content = read_yaml(path)
+    WAM_FILE.check(content, str(path))
+    return parse_description(content)
 
 
 def parse_description(content: dict) -> ArmDescription:

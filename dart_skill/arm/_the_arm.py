@@ -2,11 +2,12 @@
 
 from functools import lru_cache
 
+from dart_skill.arm._arm_files import SWING
 from dart_skill.arm._description import (
     ArmDescription,
     ArmSwing,
-    parse_description,
     parse_swing,
+    read_description,
 )
 from dart_skill.common.configuration import arm_name, arm_path, description_path, read_yaml
 
@@ -26,7 +27,7 @@ def the_arm() -> ArmDescription:
 def _arm(name: str) -> ArmDescription:
     path = description_path(name)
     if path != arm_path(name):
-        return parse_description(read_yaml(path))
+        return read_description(path)
     from dart_skill.arm._described_arm import described  # with Pinocchio, which reads URDFs
 
     return described(name)
@@ -45,8 +46,10 @@ def the_swing() -> ArmSwing:
 
 @lru_cache(maxsize=8)
 def _swing(name: str) -> ArmSwing:
-    content = read_yaml(description_path(name))
+    path = description_path(name)
+    content = read_yaml(path)
     if "swing" in content:
+        SWING.check(content["swing"], f"{path}: swing")
         return parse_swing(content["swing"], the_arm().n_joints)
     from dart_skill.arm._throwing_bound import widest_swing  # with Pinocchio
 

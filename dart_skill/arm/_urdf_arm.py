@@ -16,11 +16,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from dart_skill.arm._description import ServoGains, parse_description
+from dart_skill.arm._arm_files import ARM_FILE
+from dart_skill.arm._description import ServoGains, read_description
 from dart_skill.arm._urdf import write_urdf
 from dart_skill.common.configuration import (
     arm_path,
-    check_number,
     config_path,
     read_yaml,
     ros_prefixes,
@@ -29,11 +29,6 @@ from dart_skill.common.files import open_file
 
 TURNS = 2.0 * np.pi
 """End of the range of a joint without one, in either direction [rad]."""
-KNOWN = (
-    "about", "urdf", "install", "base", "tool", "joints", "grip", "turn", "mount_height", "velocity", "torque", "rotor_inertia", "servo",
-    "postures", "swing", "parameters", "skills",
-)  # fmt: skip
-"""Entries of a file of config/arms/."""
 
 
 @dataclass(frozen=True)
@@ -412,30 +407,16 @@ def load_arm(name: str) -> UrdfArm:
     """
     path = arm_path(name)
     content = read_yaml(path)
-    if unknown := sorted(set(map(str, content)) - set(KNOWN)):
-        raise ValueError(
-            f"{path}: unknown entries {', '.join(unknown)}; {', '.join(KNOWN)} are known"
-        )
-    for key in ("urdf", "base", "tool"):
-        if not isinstance(content.get(key), str):
-            raise ValueError(f"{path}: '{key}' is {content.get(key)!r}; give a text")
-    check_number(height := content.get("mount_height", 0.0), f"{path}: mount_height", -10.0, 10.0)
-    check_number(grip := content.get("grip", [0.0, 0.0, 0.0]), f"{path}: grip", -2.0, 2.0)
-    check_number(turn := content.get("turn", 0.0), f"{path}: turn", -7.0, 7.0)
-    if not isinstance(grip, list) or len(grip) != 3:
-        raise ValueError(f"{path}: grip is {grip!r}; give three numbers [m]")
-    for key, most in (("velocity", 100.0), ("torque", 10000.0), ("rotor_inertia", 100.0)):
-        for joint, limit in (content.get(key) or {}).items():
-            check_number(limit, f"{path}: {key} of {joint}", 1e-6, most)
+    ARM_FILE.check(content, str(path))
     try:
         arm = UrdfArm(
             path.stem,
             read_urdf(content["urdf"], path.parent, content.get("install", "")),
             content["base"],
             content["tool"],
-            np.array(grip, dtype=float),
-            float(turn),
-            float(height),
+            np.array(content.get("grip", (0.0, 0.0, 0.0)), dtype=float),
+            float(content.get("turn", 0.0)),
+            float(content.get("mount_height", 0.0)),
             dict(content.get("velocity") or {}),
             dict(content.get("torque") or {}),
             dict(content.get("rotor_inertia") or {}),
@@ -492,7 +473,7 @@ def read_urdf(where: str, beside: Path = Path(), install: str = "") -> str:
         Says where it was looked for, and what brings it.
     """
     if where.endswith(".yaml"):
-        return write_urdf(parse_description(read_yaml(config_path(where))))
+        return write_urdf(read_description(config_path(where)))
     places = package_paths(where) if where.startswith("package://") else [beside / where]
     for place in places:
         if place.is_file():

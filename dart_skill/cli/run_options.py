@@ -112,11 +112,14 @@ def chosen_skill(
     settings
         Values of --set, of which those of the node "skill" are settings of the skill.
     """
+    from dart_skill.common.entries import ConfigurationError
     from dart_skill.common.fleet import skill_settings
     from dart_skill.skills.protocol import load_skill
 
     try:
         return load_skill(name, changes=skill_settings(settings))
+    except ConfigurationError:
+        raise
     except ValueError as error:
         parser.error(str(error))
 
@@ -175,11 +178,14 @@ def differences(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
     """Parameters by node in which --arm and --set differ from config/; a usage error names what
     does not exist.
     """
+    from dart_skill.common.entries import ConfigurationError
     from dart_skill.common.fleet import arm_with, of_nodes
     from dart_skill.common.world import the_world
 
     try:
         differs = arm_with(options.arm, options.set)
+    except ConfigurationError:
+        raise
     except ValueError as error:
         parser.error(str(error))
     if len(of_nodes(options.set)) < len(options.set):

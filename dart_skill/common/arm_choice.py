@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from dart_skill.common.configuration import arm_name, arm_path, description_path, read_yaml
+from dart_skill.common.entries import ANYTHING, ConfigurationError, Each, Rows
 
 
 def joint_names() -> tuple[str, ...]:
@@ -23,9 +24,10 @@ def _joint_names(name: str) -> tuple[str, ...]:
     content = read_yaml(path)
     joints = content.get("joints")
     if path != arm_path(name):
-        return tuple(joint["name"] for joint in content["joints"])
+        Rows(Each(ANYTHING)).check(joints, f"{path}: joints")
+        joints = [joint.get("name") for joint in content["joints"]]
     if not isinstance(joints, list) or not all(isinstance(one, str) for one in joints):
-        raise ValueError(
+        raise ConfigurationError(
             f"{path}: joints is {joints!r}; name the joints from the base to the hand, as"
             " `dart-skill arm import` does"
         )

@@ -3,13 +3,31 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import yaml
 
-from dart_skill.common.configuration import arm_names, load_yaml, node_file, node_parameters
+from dart_skill.common.configuration import (
+    NoSection,
+    arm_names,
+    config_path,
+    described_parameters,
+    kind_of,
+    load_yaml,
+    node_file,
+    node_parameters,
+)
+from dart_skill.common.entries import (
+    Each,
+    Entries,
+    Kind,
+    Number,
+    Rows,
+    wrong,
+)
 
 FLEET = "fleet"
 OF_SKILL = "skill."
@@ -25,6 +43,22 @@ NODES_OF_SKILL = (
     "wam_simulator",
 )
 """Nodes that know the skill."""
+FLEET_FILE = "fleet.yaml"
+"""File of config/ with the arms."""
+MOST = 1e6
+"""Largest number of a range."""
+NUMBER = Number(-MOST, MOST)
+RANGES = ("between", "normal")
+RULE = Entries(
+    {},
+    {
+        **dict.fromkeys(RANGES, Rows(NUMBER, (2,))),
+        "choice": Rows(NUMBER),
+        "each": Number(1, 100, whole=True),
+        "times": Rows(NUMBER),
+    },
+)
+"""How a parameter is drawn."""
 Arm = dict[str, dict[str, Any]]
 """Parameters that differ from those of config/, by node."""
 
@@ -38,7 +72,7 @@ def arm_named(name: str) -> Arm:
     ValueError
         Names what there is.
     """
-    content = load_yaml("fleet.yaml")
+    content = _arms()
     family, _, seed = name.partition(":")
     if family == FLEET and seed.isdecimal():
         return drawn(content["fleet"], int(seed))
@@ -48,6 +82,46 @@ def arm_named(name: str) -> Arm:
         f"no arm '{name}': choose {FLEET}:SEED, as in {FLEET}:3, or one of"
         f" {', '.join(content['arms'])}; robots are {', '.join(arm_names())}"
     )
+
+
+def _arms() -> dict:
+    """What the file says; ConfigurationError where it is not as it must be."""
+    content = load_yaml(FLEET_FILE)
+    kind = Entries({"arms": Each(_arm(kind_of)), FLEET: _arm(lambda row: _Drawn(kind_of(row)))})
+    kind.check(content, str(config_path(FLEET_FILE)))
+    return content
+
+
+def _arm(kind: Callable[[Mapping[str, Any]], Kind]) -> Kind:
+    """Parameters by node. kind: of one, by its row of parameters.yaml."""
+    return Entries(
+        {},
+        {
+            node: Entries({}, {name: kind(row) for name, row in rows.items()})
+            for node, rows in described_parameters().items()
+        },
+    )
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """A value of a kind, or a rule by which it is drawn."""
+
+    of: Kind
+
+    def check(self, value: Any, name: str) -> None:
+        """See `Kind`."""
+        if not isinstance(value, Mapping):
+            self.of.check(value, name)
+            return
+        RULE.check(value, name)
+        if len({*RANGES, "choice"} & set(value)) != 1:
+            raise wrong(dict(value), name, "a rule with one of between, normal, choice")
+        low, high = value.get("between", (0.0, 0.0))
+        if low > high or value.get("normal", (0.0, 0.0))[1] < 0.0:
+            raise wrong(
+                dict(value), name, "between two numbers in order, or normal with a deviation"
+            )
 
 
 def arm_with(name: str, settings: Iterable[str]) -> Arm:
@@ -108,7 +182,7 @@ def _setting(text: str) -> tuple[str, str, object]:
         )
     try:
         usual = node_parameters(node_file(node), node)
-    except (FileNotFoundError, KeyError):
+    except (FileNotFoundError, NoSection):
         raise ValueError(
             f"--set {text}: there is no node {node} with parameters in config/"
         ) from None
@@ -149,11 +223,9 @@ def _draw(rule: Any, rng: np.random.Generator) -> Any:
     if "between" in rule:
         low, high = rule["between"]
         values = rng.uniform(low, high, count)
-    elif "normal" in rule:
+    else:
         mean, deviation = rule["normal"]
         values = rng.normal(mean, deviation, count)
-    else:
-        raise ValueError(f"config/fleet.yaml: {dict(rule)} has none of between, normal, choice")
     if "times" in rule:
         values = values * np.array(rule["times"])
     return values.tolist() if "each" in rule or "times" in rule else float(values[0])

@@ -7,7 +7,8 @@ process. The policy is what `ros2 security generate_artifacts` takes.
 
 from xml.etree import ElementTree
 
-from dart_skill.common.configuration import load_yaml
+from dart_skill.common.configuration import config_path, load_yaml
+from dart_skill.common.entries import ConfigurationError, Each, Entries, Flag, Rows, Text
 
 FILE = "permissions.yaml"
 """File in config/ that says which node may do what."""
@@ -56,6 +57,15 @@ server answers.
 """
 
 
+NAMES = Rows(Text(filled=True))
+SECTION = Entries(
+    {},
+    {
+        **dict.fromkeys((*KINDS, "names", "runs", "asks", "sets"), NAMES),
+        "managed": Flag(),
+    },
+)
+"""A section of the file."""
 GLOBAL = ("/rosout", "/parameter_events", "/diagnostics", "/tf", "/tf_static")
 """Topics that all graphs of a ROS domain share, whatever their namespaces."""
 
@@ -112,7 +122,7 @@ def _full_names(name: str, namespace: str) -> tuple[str, ...]:
 
 def processes() -> dict[str, list[str]]:
     """The sections of the file that make up each process, by the name of its enclave."""
-    return {name: list(_section(name).get("runs", [name])) for name in load_yaml(FILE)}
+    return {name: list(_section(name).get("runs", [name])) for name in _sections()}
 
 
 def policy(namespace: str = "") -> str:
@@ -140,8 +150,20 @@ def policy(namespace: str = "") -> str:
     )
 
 
+def _sections() -> dict:
+    """What the file says; ConfigurationError where it is not as it must be."""
+    content, path = load_yaml(FILE), config_path(FILE)
+    Each(SECTION).check(content, str(path))
+    for name, section in content.items():
+        if unknown := sorted(set(section.get("runs", ())) - set(content)):
+            raise ConfigurationError(
+                f"{path}: {name}.runs has {', '.join(unknown)}, of which there is no section"
+            )
+    return content
+
+
 def _section(name: str) -> dict:
-    sections = load_yaml(FILE)
+    sections = _sections()
     if name not in sections:
         raise ValueError(f"{FILE} has no section '{name}', only {sorted(sections)}")
     return sections[name]

@@ -4,16 +4,13 @@ ball, from config/world.yaml.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache
 
 from dart_skill.common.arm_choice import joint_names
 from dart_skill.common.configuration import (
     arm_name,
-    check_number,
     chosen_folder,
-    config_path,
     description_path,
     world_parameters,
 )
@@ -24,8 +21,6 @@ THROW = "throw"
 """Name of the skill of throws at baskets."""
 THROW_BODIES = ("ball", "basket")
 """Roles of what is thrown, and of what it is thrown at."""
-LARGEST = 100.0
-"""Largest number that config/world.yaml may have, in the unit of each."""
 DEMONSTRATION_TOPIC = "/demonstrations"
 """Topic of what was shown."""
 MARK_TOPIC = "/demonstration_marks"
@@ -114,7 +109,7 @@ def the_world() -> World:
 
     Raises
     ------
-    ValueError
+    ConfigurationError
         If an entry is missing, or one is not known.
     """
     return _world(arm_name(), chosen_folder())
@@ -122,29 +117,13 @@ def the_world() -> World:
 
 @lru_cache(maxsize=4)
 def _world(_arm: str, _folder: str) -> World:
-    entries = _checked(world_parameters())
+    entries = world_parameters()
     return World(**{**entries, "board_position": tuple(entries["board_position"])})
 
 
 def pose_topic(body: str) -> str:
     """Topic on which the driver of the motion capture, vrpn_mocap, publishes the poses of a body."""
     return f"/vrpn_mocap/{body}/pose"
-
-
-def _checked(entries: Mapping) -> Mapping:
-    wanted, given = {field.name for field in fields(World)}, set(entries)
-    if wanted != given:
-        raise ValueError(
-            f"world.yaml lacks {sorted(wanted - given)} and has, unknown, {sorted(given - wanted)}"
-        )
-    for field in fields(World):
-        value, name = entries[field.name], f"{config_path('world.yaml')}: {field.name}"
-        if field.type == "str" and not (isinstance(value, str) and value):
-            raise ValueError(f"{name} is {value!r}; it must be a name")
-        if field.type != "str":
-            low = -LARGEST if isinstance(value, list) else 0.0
-            check_number(value, name, low, LARGEST)
-    return entries
 
 
 @lru_cache(maxsize=64)

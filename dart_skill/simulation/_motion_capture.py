@@ -171,12 +171,7 @@ class MotionCaptureConfig:
         half_angles = tuple(np.deg2rad(parameters.get("half_angles_deg", (28.0, 23.0))))
         distance = float(parameters.get("range", 12.0))
         cameras = [
-            Camera(
-                _lookup(parameters, f"cameras.{name}.position"),
-                _lookup(parameters, f"cameras.{name}.look_at"),
-                half_angles,
-                distance,
-            )
+            _camera(parameters, name, half_angles, distance)
             for name in _lookup(parameters, "camera_names")
         ]
         own = {item.name for item in fields(cls)} - {"cameras"}
@@ -184,6 +179,19 @@ class MotionCaptureConfig:
             cameras=tuple(cameras),
             **{key: value for key, value in parameters.items() if key in own},
         )
+
+
+def _camera(
+    parameters: Mapping, name: str, half_angles: tuple[float, ...], distance: float
+) -> Camera:
+    """One of the cameras; ValueError names it if it has no place."""
+    position, look_at = (
+        _lookup(parameters, f"cameras.{name}.{which}") for which in ("position", "look_at")
+    )
+    try:
+        return Camera(position, look_at, half_angles, distance)
+    except ValueError as error:
+        raise ValueError(f"cameras.{name} of optitrack.yaml: {error}") from error
 
 
 Pose = tuple[np.ndarray, np.ndarray]

@@ -76,6 +76,7 @@ def open_server(
     viser = load_viser()
     _check_free(host, port)
     logging.getLogger("websockets.server").addFilter(_without_traceback)
+    logging.getLogger("asyncio").addFilter(_unusable_in_a_line)
     # viser prints a panel; our callers say it in their own way
     with contextlib.redirect_stdout(io.StringIO()), _asked_first(title, token):
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
@@ -176,7 +177,7 @@ def _answer(viser_answers: Callable, title: str, token: str, connection: Any, re
         return viser_answers(connection, request)
     page = urlsplit(request.path)
     if page.path not in ("/", "/index.html"):
-        return viser_answers(connection, request)
+        return _file(viser_answers, connection, request)
     websocket = parse_qs(page.query).get("websocket", [""])[0]
     if not has_token(urlsplit(websocket).path, token):
         return _as_page(connection, http.HTTPStatus.FORBIDDEN, _refusal(title, websocket))
@@ -186,6 +187,14 @@ def _answer(viser_answers: Callable, title: str, token: str, connection: Any, re
     return _as_page(
         connection, http.HTTPStatus.OK, text.replace("<title>Viser</title>", title_tag, 1)
     )
+
+
+def _file(viser_answers: Callable, connection: Any, request: Any) -> Any:
+    """A file of the page; 404 for what cannot be the name of a file, where viser answers with 500."""
+    try:
+        return viser_answers(connection, request)
+    except (OSError, ValueError):
+        return connection.respond(http.HTTPStatus.NOT_FOUND, "NOT FOUND\n")
 
 
 def _as_page(connection: Any, status: http.HTTPStatus, text: str) -> Any:
@@ -215,14 +224,25 @@ def _refusal(title: str, websocket: str) -> str:
 """
 
 
+def _in_a_line(record: logging.LogRecord, what: str) -> None:
+    if record.exc_info and (error := record.exc_info[1]) is not None:
+        said = f"{type(error).__name__}: {error}".strip().split("\n")[0][:200]
+        record.msg, record.args = f"{what}: %s", (said,)
+        record.exc_info = record.exc_text = None
+
+
+def _unusable_in_a_line(record: logging.LogRecord) -> bool:
+    """Says in a line that a page sent a message that viser cannot use, which changes nothing."""
+    if "WebsockMessageHandler" in record.getMessage():
+        _in_a_line(record, "a message of a page is ignored")
+    return True
+
+
 def _without_traceback(record: logging.LogRecord) -> bool:
     """Says in a line what a client sent that cannot be read: it has lost its connection, and nothing
     else has happened.
     """
-    if record.exc_info and (error := record.exc_info[1]) is not None:
-        what = f"{type(error).__name__}: {error}".strip().split("\n")[0][:200]
-        record.msg, record.args = "a connection to the page was closed: %s", (what,)
-        record.exc_info = record.exc_text = None
+    _in_a_line(record, "a connection to the page was closed")
     return True
 
 

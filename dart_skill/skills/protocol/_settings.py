@@ -4,6 +4,7 @@ silently left out.
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 
 from dart_skill.arm import KnownRegistration, Registration
 from dart_skill.common.configuration import read_yaml
+from dart_skill.common.entries import ConfigurationError
 
 S = TypeVar("S", bound="SkillSettings")
 COMPONENTS = (4, 6, 8, 12, 16, 20, 24, 32)
@@ -172,6 +174,9 @@ class SkillSettings:
                 continue
             if isinstance(value, tuple) and all(isinstance(part, str) for part in value):
                 continue
+            parts = value if isinstance(value, tuple) else (value,)
+            if not all(isinstance(part, int | float) for part in parts):
+                raise ValueError(f"{one.name} is {value}; it must be of numbers")
             numbers = np.asarray(value, dtype=float)
             if not np.isfinite(numbers).all():
                 raise ValueError(f"{one.name} is {value}; it must be finite")
@@ -210,10 +215,30 @@ class SkillSettings:
 
         Raises
         ------
-        ValueError
+        ConfigurationError
             Names what is unknown, missing, or no number.
         """
-        return cls().changed(read_yaml(path), str(path))
+        return cls().of_configuration(read_yaml(path), str(path))
+
+    def of_configuration(self: S, changes: Mapping[str, Any], where: str) -> S:
+        """Settings with the values of a file of config/.
+
+        Parameters
+        ----------
+        changes
+            Values by name.
+        where
+            They are from, for messages.
+
+        Raises
+        ------
+        ConfigurationError
+            For a name or value that cannot be.
+        """
+        try:
+            return self.changed(changes, where)
+        except ValueError as error:
+            raise ConfigurationError(str(error)) from error
 
     def changed(self: S, changes: Mapping[str, Any], where: str) -> S:
         """Settings with some values changed.
@@ -241,14 +266,20 @@ class SkillSettings:
             wanted = _kind_of(known[name].default)
             if not isinstance(value, wanted) or (isinstance(value, bool) and bool not in wanted):
                 raise ValueError(
-                    f"{where}: {name} is {value!r}; it must be of type"
+                    f"{where}: {name} is {reprlib.repr(value)}; it must be of type"
                     f" {' or '.join(one.__name__ for one in wanted)}"
                 )
             values[name] = tuple(value) if isinstance(value, list) else value
         try:
-            return replace(self, **values)
+            changed = replace(self, **values)
         except ValueError as error:
             raise ValueError(f"{where}: {error}") from error
+        for name, value in values.items():
+            usual = known[name].default
+            count = len(usual) if isinstance(usual, tuple) else 0
+            if count and len(value) != count and (count > 1 or not value):
+                raise ValueError(f"{where}: {name} is {list(value)}; it must have {count} numbers")
+        return changed
 
     @classmethod
     def from_saved(cls: type[S], values: Mapping[str, Any], where: str) -> S:

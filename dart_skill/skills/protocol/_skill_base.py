@@ -120,7 +120,7 @@ class SkillBase:
         settings = None if path is None else cls.settings_type.from_file(path)
         if of_arm:
             where = f"{arm_path(arm_name())}: skills: {cls.name}"
-            settings = (settings or cls.settings_type()).changed(of_arm, where)
+            settings = (settings or cls.settings_type()).of_configuration(of_arm, where)
         return cls(settings)
 
     def with_settings(self: K, settings: SkillSettings) -> K:

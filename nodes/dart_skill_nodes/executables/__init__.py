@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 from pathlib import Path
+from types import TracebackType
 
 
 def _is_program() -> bool:
@@ -18,6 +19,16 @@ def _is_program() -> bool:
     )
 
 
+def _say(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """A line for a broken file of config/, which the library reads while it is imported, before
+    `run` could say so.
+    """
+    if kind.__name__ == "ConfigurationError":  # nothing of ours is imported here
+        print(f"{Path(sys.argv[0]).stem}: {error}", file=sys.stderr)
+    else:
+        sys.__excepthook__(kind, error, trace)
+
+
 # what Python calls a program of `python3 -m` while it looks for it
 if _is_program() or sys.argv[:1] == ["-m"]:
     # nearly all that is imported stays, and to look through it takes a tenth of the time; `run`
@@ -27,3 +38,5 @@ if _is_program() and signal.getsignal(signal.SIGINT) is signal.default_int_handl
     # a node that is told to end while it still loads ends, instead of a traceback from the middle
     # of an import; `run` takes over
     signal.signal(signal.SIGINT, lambda *_: os._exit(0))
+if _is_program() or sys.argv[:1] == ["-m"]:
+    sys.excepthook = _say

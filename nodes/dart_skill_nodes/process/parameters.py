@@ -20,7 +20,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
-from dart_skill.common.configuration import described_parameters, node_parameters
+from dart_skill.common.configuration import NoSection, described_parameters, node_parameters
 from dart_skill.common.world import the_world
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode
 
@@ -35,15 +35,14 @@ FILES = {"mock_optitrack": "optitrack.yaml"}
 
 @cache
 def described(section: str) -> dict[str, dict[str, Any]]:
-    """By name, what each parameter of a node is: `about`, a description; where it has one, the
-    `range` of a number; `changes`, if it may be changed while the node runs: true, or
+    """By name, what each parameter of a node is: `about`, a description; the `range` of a number,
+    or what `kind_of` knows it by; `changes`, if it may be changed while the node runs: true, or
     `unconfigured` for what a managed node reads when it is configured. Empty for a node without
     parameters of its own.
 
     section: name of the executable; "limits": those that several nodes share.
     """
-    rows = described_parameters().get(section, {})
-    return {name: {"about": row} if isinstance(row, str) else row for name, row in rows.items()}
+    return described_parameters().get(section, {})
 
 
 def declare(node: Node, section: str) -> dict[str, Any]:
@@ -55,8 +54,8 @@ def declare(node: Node, section: str) -> dict[str, Any]:
         node.add_on_set_parameters_callback(partial(_refuse_what_is_read, node))
     file = FILES.get(section, f"{section}.yaml")
     try:
-        defaults = node_parameters(file, node.get_name())
-    except KeyError:
+        defaults = node_parameters(file, node.get_name(), section)
+    except NoSection:
         defaults = node_parameters(file, section)
     rows = described(section)
     for name, row in rows.items():

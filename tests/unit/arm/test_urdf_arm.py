@@ -103,12 +103,12 @@ def test_what_is_no_arm_is_refused(urdf, base, tool, says):
 @pytest.mark.parametrize(
     ("line", "says"),
     [
-        ("tool: 3", "'tool' is 3; give a text"),
+        ("tool: 3", "tool is 3; it must be a name"),
         ("mount_height: high", "mount_height is 'high'"),
-        ("grip: [1.0]", "grip is .*three numbers"),
+        ("grip: [1.0]", "grip is .*a list of 3"),
         ("velocity: {j9: 1.0}", "velocity names j9; its joints are j0"),
-        ("velocity: {j0: -1.0}", "velocity of j0 is -1.0"),
-        ("speed: 3", "unknown entries speed"),
+        ("velocity: {j0: -1.0}", "velocity.j0 is -1.0"),
+        ("speed: 3", "unknown entry 'speed'"),
         ("urdf: nowhere.urdf", "no URDF nowhere.urdf"),
         ("urdf: package://no_such/arm.urdf", "package is not installed|no_such"),
     ],

@@ -74,9 +74,32 @@ def test_an_arm_that_does_not_exist_is_refused_by_name(name):
         arm_named(name)
 
 
-def test_a_rule_that_says_nothing_is_named():
-    with pytest.raises(ValueError, match="none of between, normal, choice"):
-        drawn({"wam_simulator": {"hand_delay": {"about": 3}}}, 0)
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("{between: [0.02, 0.06]}", "{about: 3}", "hand_delay has an unknown entry 'about'"),
+        (
+            "{between: [0.02, 0.06]}",
+            "{each: 3}",
+            "hand_delay is .* one of between, normal, choice",
+        ),
+        ("{between: [0.02, 0.06]}", "{between: [0.06, 0.02]}", "hand_delay is .* in order"),
+        (
+            "{between: [0.02, 0.06]}",
+            "soon",
+            "hand_delay is 'soon'; it must be a number from 0 to 1",
+        ),
+        (
+            "    hand_delay:",
+            "    hand_delya:",
+            "unknown entry 'hand_delya': did you mean hand_delay",
+        ),
+    ],
+)
+def test_a_rule_that_is_none_is_refused_with_its_place(edited, old, new, said):
+    edited("fleet.yaml", old, new)
+    with pytest.raises(ValueError, match=f"fleet.yaml: fleet.wam_simulator.*{said}"):
+        arm_named("fleet:3")
 
 
 def test_an_arm_with_a_parameter_of_its_own():

@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from viser import _messages
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from dart_skill import view
@@ -776,6 +777,28 @@ def test_a_page_without_its_token_says_what_is_missing():
         assert _fetched(f"{url}/nothing")[0] == 404
     finally:
         server.stop()
+
+
+@pytest.mark.parametrize("path", ["a" * 7000, "a" * 300, "a/" * 3000, "%00"])
+def test_a_path_that_can_be_no_file_is_not_found(server, path):
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        urllib.request.urlopen(f"{view.url_of(server)}/{path}", timeout=20)
+    assert refused.value.code == 404
+
+
+@pytest.mark.parametrize(
+    ("sent", "said"),
+    [
+        ({"value": "text"}, "could not convert string to float: 'text'"),
+        ({"nothing": 1}, "a message of a page is ignored: AssertionError"),
+    ],
+)
+def test_a_message_that_cannot_be_used_is_said_in_a_line(server, caplog, sent, said):
+    slider = server.gui.add_slider("pace", min=0.0, max=1.0, step=0.1, initial_value=0.5)
+    with PageClient(view.url_of(server)) as page:
+        page.send(_messages.GuiUpdateMessage(slider._impl.uuid, sent))
+        page.wait_for(lambda: said in caplog.text, what="a line in the log")
+    assert "Traceback" not in caplog.text and slider.value == 0.5
 
 
 def test_there_is_no_public_address(server):
