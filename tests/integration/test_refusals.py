@@ -3,6 +3,8 @@ lost. Nodes in this process, no graph.
 """
 
 import importlib
+import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -19,7 +21,8 @@ from std_srvs.srv import Trigger
 
 from dart_skill.recording import BagReader, LogTime
 from dart_skill.recording.signals import INSISTING, LEAP_NS
-from dart_skill_nodes.comms.coroutines import CoroutineActionServer
+from dart_skill_nodes.client.service_calls import ServiceCalls
+from dart_skill_nodes.comms.coroutines import CoroutineActionServer, start
 from dart_skill_nodes.comms.qos import CALLS
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, Refusals
 from dart_skill_nodes.executables.recorder import Recorder
@@ -74,6 +77,27 @@ def test_every_one_of_many_goals_at_once_is_answered(spin):
     spin(client.server_is_ready, node, asking)
     sent = [client.send_goal_async(Execute.Goal()) for _ in range(200)]
     spin(lambda: all(one.done() for one in sent))
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_a_server_that_answers_nothing_is_waited_for_no_longer_than_was_said(spin, turns):
+    """A foreign server of plans held a goal for 20 s, where 5 s were promised."""
+    asking, stuck, ended = GuardedNode("asking"), Node("stuck"), []
+    stuck.create_service(Trigger, "~/plan", lambda request, response: time.sleep(0.0))
+    client = asking.create_client(Trigger, "/stuck/plan")
+    calls = ServiceCalls(asking)
+
+    async def ask():
+        await calls.call(client, Trigger.Request(), patience=1.0)
+
+    begun = time.monotonic()
+    start(asking, ask(), lambda _, error: ended.append(error))
+    with suppress(TypeError):  # what the callback gives is no response
+        spin(lambda: ended, asking, *([stuck] if turns else []))
+    spin(lambda: ended, asking)
+    stuck.destroy_node()
+    assert "/stuck/plan" in str(ended[0]) and "stuck serves" in str(ended[0])
+    assert time.monotonic() - begun < 10.0
 
 
 def test_what_a_callback_refuses_is_counted_and_shown(spin):

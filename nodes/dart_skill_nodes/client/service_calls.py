@@ -44,6 +44,8 @@ COMES_BACK = 0.7
 """For one that has gone, and may just have been started again [s, wall clock]."""
 PATIENCE = 20.0
 """For an answer of a server that is there [s, wall clock]."""
+LEAST_PATIENCE = 1.0
+"""For the answer of a server that was found late [s, wall clock]."""
 SERVES = {
     "throw": "commander",
     "teach": "teacher",
@@ -123,6 +125,8 @@ class ServerProbe:
                 f"{self._server_then} has gone: nobody serves {self._service} any more; start it"
                 " again"
             )
+        if there := servers(self._node, self._service):
+            return f"{there} serves {self._service} and does not answer: end it, or start it again"
         first = self._service.removeprefix(f"{namespace_of(self._node)}/").split("/")[0]
         return f"nobody serves {self._service}: start {SERVES.get(first, first)}"
 
@@ -159,12 +163,14 @@ class ServiceCalls:
 
     async def call(self, client, request, may_refuse: bool = False, patience: float | None = None):
         """Response of a service; GraphFailure with the remedy if it is not served, does not answer
-        within patience [s], or says no.
+        within patience [s] from the call on, or says no.
         """
         patience = self._patience if patience is None else patience
-        probe = await self.reach(client)
+        until = time.monotonic() + patience
+        probe = await self.reach(client, patience=patience)
         asked = servers(self._node, client.service_name)
-        response = await answer(self._node, client, request, patience, asked)
+        left = max(until - time.monotonic(), LEAST_PATIENCE)
+        response = await answer(self._node, client, request, left, asked)
         if response is None:
             probe.renew()
             raise GraphFailure(_unanswered(client.service_name, asked, patience))
@@ -219,7 +225,13 @@ class ServiceCalls:
             raise GraphFailure(_unanswered(name, asked, limit))
         return value
 
-    async def reach(self, client, action: str = "", limit: float | None = None) -> ServerProbe:
+    async def reach(
+        self,
+        client,
+        action: str = "",
+        limit: float | None = None,
+        patience: float | None = None,
+    ) -> ServerProbe:
         """Wait until a client can ask its server and is answered; GraphFailure if it is not served.
 
         Each client has a probe of its own, made after it: an older one says nothing of whether the
@@ -227,6 +239,8 @@ class ServiceCalls:
 
         * action: name of the action of an action client.
         * limit: [s, wall clock]; by default as long as it is worth while.
+        * patience: for the answer of a server that is there, by default that of all calls
+          [s, wall clock].
         """
         service = f"{action}/_action/send_goal" if action else client.service_name
         is_ready = client.server_is_ready if action else client.service_is_ready
@@ -237,7 +251,9 @@ class ServiceCalls:
         while not probe.up():
             waited = time.monotonic() - begun
             if (
-                probe.is_hopeless(waited, self._patience, self._appears)
+                probe.is_hopeless(
+                    waited, self._patience if patience is None else patience, self._appears
+                )
                 if limit is None
                 else waited > limit
             ):
