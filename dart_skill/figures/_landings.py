@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, NullLocator
+from matplotlib.ticker import MaxNLocator
 
 from dart_skill.common.situation import Pose
 from dart_skill.common.world import the_world
@@ -204,7 +204,7 @@ def trials_figure(
     Parameters
     ----------
     trials
-        In order.
+        In order; without any, the panel of their errors is left out.
     shown
         What was learned from.
     narrow
@@ -217,9 +217,9 @@ def trials_figure(
     """
     if not shown and not trials:
         raise ValueError("no demonstrations and no trials: there is nothing to draw")
-    figure, (above, side, errors) = panels(
-        [(4.3, 4.6), (3.45, 3.6 if narrow else 4.6), (2.75, 2.4 if narrow else 4.6)], narrow
-    )
+    sizes = [(4.3, 4.6), (3.45, 3.6 if narrow else 4.6), (2.75, 2.4 if narrow else 4.6)]
+    figure, axes = panels(sizes if trials else sizes[:2], narrow)
+    above, side, *errors = axes
     ways = []  # of the hand between the first and the last instant of each demonstration
     for one in shown:
         start, stop = skill.cut(one)
@@ -230,8 +230,9 @@ def trials_figure(
         way = np.concatenate([[0.0], np.cumsum(steps)])
         side.plot(way, hand[:, 2], color=DEMONSTRATION, linewidth=1.0)
     side.set(title=f"Height of the {HAND}, shown", xlabel="way over the floor [m]", ylabel="z [m]")
-    _draw_errors(errors, trials)
-    letter_panels(above, side, errors)
+    for panel in errors:
+        _draw_errors(panel, trials)
+    letter_panels(*axes)
     handles, labels = above.get_legend_handles_labels()
     legend_below(figure, handles, labels, len(labels), narrow)
     return figure
@@ -304,7 +305,5 @@ def _draw_errors(axes: Axes, trials: Sequence[TrialResult]) -> None:
         xlabel="trial",
         ylabel="error [mm]",
     )
-    axes.set_xlim(0.4, max(len(trials), 1) + 0.6)  # a mark does not widen it
-    axes.xaxis.set_major_locator(
-        MaxNLocator(integer=True, min_n_ticks=1) if trials else NullLocator()
-    )
+    axes.set_xlim(0.4, len(trials) + 0.6)  # a mark does not widen it
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))

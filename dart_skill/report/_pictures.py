@@ -82,7 +82,8 @@ def pictures(run: Run) -> list[Picture]:
     if run.darts is not None:
         return [picture("darts", "Darts", DARTS, partial(arm_darts_figure, run.darts))]
     draw = partial(trials_figure, run.trials, run.skill, run.shown)
-    return [picture("trials", "What was shown, and tried", TRIALS, draw)]
+    words = ("What was shown, and tried", TRIALS) if run.trials else ("What was shown", SHOWN)
+    return [picture("trials", *words, draw)]
 
 
 def _pictures_of_throws(run: Run, throws: Throws) -> list[Picture]:
@@ -108,6 +109,10 @@ def _pictures_of_throws(run: Run, throws: Throws) -> list[Picture]:
 TRIALS = (
     "(a) From above: ways of the hand that were shown, where bodies stood then (dashed), and where"
     " it was tried. (b) The same ways from the side. (c) The error of each trial."
+)
+SHOWN = (
+    "(a) From above: ways of the hand that were shown, and where bodies stood then (dashed)."
+    " (b) The same ways from the side."
 )
 DARTS = (
     "Spread, aim and score over the own throws, and where they hit, all as the cameras saw them."

@@ -49,6 +49,7 @@ from dart_skill.skills.learning import component_ellipsoids
 from dart_skill.skills.protocol import TaskOutcome, load_skill
 from dart_skill.view import ViewUnavailable
 from tests.paths import BAGS
+from tests.unit.skills.task_demonstrations import draw_body, show
 
 ABOUT = About(
     "<b>Title</b>", {"Seed": "7"}, [("seed", 7, 0), ("throws", 20, 20)], {"a.yaml": "x: 1 < 2\n"}
@@ -512,6 +513,14 @@ def test_the_page_of_another_skill_tells_its_trials_in_its_unit(monkeypatch):
     assert cells[6:8] == ["4.2", where]
     assert '<span class="out">failed</span>' in text and "it &lt;jammed&gt;" in text
     assert "What was shown, and tried" in text and "<h2>Demonstrations</h2>" in text
+
+
+def test_a_page_on_which_nothing_was_tried_shows_no_empty_panel():
+    rng = np.random.default_rng(0)
+    run = run_of_skill("place", (), shown=(show(rng, draw_body(rng), role="holder"),))
+    (drawn,) = pictures(run)
+    assert drawn.title == "What was shown" and "(b)" in drawn.caption
+    assert not any("(c)" in text for text in (drawn.svg, drawn.narrow, drawn.caption))
 
 
 def test_what_became_of_trials_is_not_in_a_bag():
