@@ -638,6 +638,7 @@ TYPED = {
         "integration/test_soak.py::test_a_soak_looks_at_its_processes_after_each_round"
     ),
     "dart-skill experiment faults --list": Run(says="kill_commander_swing"),
+    "dart-skill experiment faults --skill place --list": Run(says="place_kill_commander_motion"),
     "dart-skill experiment faults --case kill_commander_swing": FAULTS,
     "dart-skill experiment faults --page docs/faults.md": FAULTS,
     "dart-skill demo --arm iiwa7 --skill place --layout in-process --trials 3": Run(

@@ -37,6 +37,10 @@ from dart_skill.skills.learning._prepared import PreparedMovement, prepare_movem
 from dart_skill.skills.learning._representation import ClockedRepresentation, Representation
 from dart_skill.skills.protocol import Skill, TaskOutcome, part_of
 
+LOWER = 0.1
+"""A body that stands so much lower than where it was shown stands below what it stood on there [m]:
+docs/skills.md has why this is looked at, and no covariance.
+"""
 OUT_OF_HAND = 0.1
 """What is farther than this from where it was shown in the hand is not there [m]."""
 
@@ -260,6 +264,7 @@ class LearnedSkill:
             If what the hand shall hold is elsewhere.
         """
         assert isinstance(self.encoded, ClockedRepresentation), "a policy is asked on the way"
+        self._check_heights(situation)
         situation = situation if HAND in situation.poses else situation.moved(HAND, self.start)
         for role, pose in self.held.poses.items():
             if role not in situation.poses:
@@ -298,6 +303,22 @@ class LearnedSkill:
             posture=self._postures(path),
         )
         return self.skill.refine(plan, aimed, self)
+
+    def _check_heights(self, situation: Situation) -> None:
+        """NoPlan for a body below what it stood on when the skill was shown: the hand would go
+        through that.
+        """
+        for role in self.skill.standing:
+            if role not in situation.poses:
+                continue
+            height = float(situation.pose(role).position[2])
+            lowest = min(float(one.situation.pose(role).position[2]) for one in self.movements)
+            if height < lowest - LOWER:
+                raise NoPlan(
+                    f"the {role} stands at a height of {height:.2f} m, {lowest - height:.2f} m lower"
+                    f" than the lowest that was shown ({lowest:.2f} m), and the hand would go"
+                    " through what it stood on there: put it higher, or show one there"
+                )
 
     def _with_gains(
         self, encoded: ClockedRepresentation, situation: Situation, path: HandPath

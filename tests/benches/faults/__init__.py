@@ -11,7 +11,7 @@ from dart_skill.cli.run_options import folder
 from dart_skill_nodes.process.environment import choose_domain
 from dart_skill_nodes.process.graph_processes import GraphFailure
 from dart_skill_nodes.verbs.on_graph import say
-from tests.benches.faults.cases import named
+from tests.benches.faults.cases import SKILLS, THROW_SKILL, named
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,6 +21,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         " what comes of it."
     )
     only = "only cases whose names hold one of these texts (default: all, which takes 50 minutes)"
+    parser.add_argument(
+        "--skill",
+        metavar="NAME",
+        choices=(THROW_SKILL, *SKILLS),
+        default=THROW_SKILL,
+        help=f"whose cases: {', '.join((THROW_SKILL, *SKILLS))} (default {THROW_SKILL})",
+    )
     parser.add_argument("--case", metavar="TEXT", nargs="+", default=[""], help=only)
     parser.add_argument(
         "--list", action="store_true", help="the names of the cases, and nothing else"
@@ -44,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Run the cases; exit status 1 if one of them is not as it must be."""
-    cases = named(*options.case)
+    cases = named(*options.case, skill=options.skill)
     if options.list:
         names = [case.name for case in cases]
         print(json.dumps(names) if options.json else "\n".join(names))

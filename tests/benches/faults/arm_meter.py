@@ -80,7 +80,9 @@ class ArmMeter:
             if message.topic == TRUTH:
                 self._true = True
                 state = deserialize_message(message.data, SimulationState)
-                self._take_state(message, state, state.joint_velocity, state.joint_effort)
+                self._take_state(
+                    message, state, np.array(state.joint_velocity), np.array(state.joint_effort)
+                )
             elif message.topic == REPLAYED and not self._true:
                 state = deserialize_message(message.data, JointState)
                 self._take_state(message, state, np.array(state.velocity), np.array(state.effort))

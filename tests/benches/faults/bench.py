@@ -13,15 +13,18 @@ from pathlib import Path
 
 import numpy as np
 from dart_skill_msgs.action import Execute
+from dart_skill_msgs.msg import Situation
 from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from dart_skill.arm import the_arm
+from dart_skill.arm import Speed, the_arm
 from dart_skill.cli.graph_verbs import CHECKOUT
 from dart_skill.common.regions import targets_for
 from dart_skill.recording.bags import check_bag, recover
+from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.client.graph_client import GraphClient
+from dart_skill_nodes.comms.conversions import at_place, situation_msg, target_of
 from dart_skill_nodes.comms.qos import LATCHED
 from dart_skill_nodes.process.graph_processes import (
     LAYOUTS,
@@ -41,11 +44,13 @@ from tests.benches.faults.cases import (
     GARBAGE,
     KILL,
     LEARNER,
+    MOMENTS,
     OF_NODES,
     OF_TOPICS,
     RECORDER,
     SIMULATOR,
     TEACHER,
+    THROW_SKILL,
     VIEWER,
     Case,
 )
@@ -57,6 +62,8 @@ from tests.benches.faults.stranger import DONE, NAME, ORDERS
 SEED = 0
 SWINGS = 1.5
 """Joint speed that only a throw reaches: approaches are slower [rad/s]."""
+MOVES = 0.2
+"""The same of a careful movement."""
 LESSONS = 4.0
 """Speed of the fastest joint before the wrist in the thirteen lessons of bags/demonstrations
 [rad/s].
@@ -67,7 +74,7 @@ SETTLE, RESTS = 1.0, 0.5
 """The arm is watched so long after the client's answer, or until it has rested for the latter [s,
 wall clock].
 """
-PATIENCE = 30.0
+PATIENCE = 60.0
 """A client without an answer after so long has none [s, wall clock]."""
 BACK = 60.0
 """For a node that was started again, and for each thing that is then tried [s, wall clock]."""
@@ -101,14 +108,20 @@ class Bench:
 
     extra: nodes besides those of the layout that are there from the start; others of BYSTANDERS
     are started when a case needs them. speed: of simulated time in a case, 0: as fast as it goes.
+    skill: that it learns.
     """
 
     layout = "processes"
 
     def __init__(
-        self, folder: Path, extra: tuple[str, ...] = (RECORDER, VIEWER), speed: float = 1.0
+        self,
+        folder: Path,
+        extra: tuple[str, ...] = (RECORDER, VIEWER),
+        speed: float = 1.0,
+        skill: str = THROW_SKILL,
     ):
-        self._speed = speed
+        self._speed, self._skill = speed, load_skill(skill)
+        self._moves = SWINGS if self._skill.speed == Speed.THROW else MOVES
         self._folder, self._graph, self._bags, self._extra = (
             folder,
             Graph(folder / "logs"),
@@ -125,7 +138,7 @@ class Bench:
         self.client = WatchedClient()
         self.meter = ArmMeter(self.client.node)
         self.client.meanwhile.append(self.meter.take)
-        self._planning = False
+        self._planning, self._phase = False, ""
         kind = Execute.Impl.FeedbackMessage
         self.client.node.create_subscription(
             kind, "execute/_action/feedback", self._on_feedback, 10
@@ -138,7 +151,12 @@ class Bench:
             String, DONE, lambda message: self._done.add(message.data), LATCHED
         )
         self._reset_arm = self.client.node.create_client(Trigger, "commander/reset")
-        self._shown, (self._target,) = targets_for(SEED, 2, 1)
+        rng = np.random.default_rng(SEED)
+        *self._shown, self._target = (
+            [at_place(target) for targets in targets_for(SEED, 2, 1) for target in targets]
+            if skill == THROW_SKILL
+            else [situation_msg(self._skill.draw(rng)) for _ in range(3)]
+        )
         self.usual = (LESSONS, float(the_arm().of_joints("peak_torque").max()))
 
     def close(self) -> None:
@@ -161,8 +179,8 @@ class Bench:
             self._start(node)
         self.client.wait_until_ready()
         self._hurry(True)
-        for target in self._shown:
-            self._lesson(target)
+        for situation in self._shown:
+            self._lesson(situation)
         self._learn()
         self._throw()
         self._hurry(False)
@@ -175,7 +193,9 @@ class Bench:
         self.usual = (max(self.usual[0], self.meter.fastest), self.usual[1])
 
     def _start(self, node: str) -> None:
-        parameters = parameters_of(node, self.layout, SEED, str(self._new_bag(node)))
+        parameters = parameters_of(
+            node, self.layout, SEED, str(self._new_bag(node)), skill=self._skill.name
+        )
         self._lessons = 0 if node == DEMONSTRATIONS else self._lessons
         if node == SIMULATOR:
             parameters["speed_factor"] = self._speed
@@ -208,7 +228,8 @@ class Bench:
         return self._bag_of[node]
 
     def _on_feedback(self, message) -> None:
-        self._planning = self._planning or message.feedback.phase == "planning"
+        self._phase = message.feedback.phase
+        self._planning = self._planning or self._phase == "planning"
 
     # what a case needs besides
 
@@ -286,7 +307,7 @@ class Bench:
         """Try one case."""
         self._arrange(case)
         injection = FaultInjection(self._graph, case, self._is_time(case), self._order, self._disk)
-        self._planning = False
+        self._planning, self._phase = False, ""
         self.meter.take()
         self.meter.begin()
         hold_planning = case.phase == "planning" and case.node != LEARNER
@@ -342,7 +363,9 @@ class Bench:
 
     def _is_time(self, case: Case) -> Callable[[], bool]:
         if case.phase in ("lesson", "swing", "practice"):
-            return lambda: self.meter.last > SWINGS
+            return lambda: self.meter.last > self._moves
+        if case.phase in MOMENTS:
+            return lambda: self._phase == MOMENTS[case.phase]
         if case.phase == "planning":
             return lambda: self._planning
         return lambda: True
@@ -359,11 +382,9 @@ class Bench:
             return self._learn()
         return self._throw()
 
-    def _lesson(self, target: np.ndarray | None = None) -> str:
-        """At a target (3,); default: another one each time."""
-        lesson = self.client.teach(
-            self._shown[self._lessons % len(self._shown)] if target is None else target
-        )
+    def _lesson(self, situation: Situation | None = None) -> str:
+        """In a situation; default: another one each time."""
+        lesson = self.client.show(situation or self._shown[self._lessons % len(self._shown)])
         if not lesson.success:
             raise GraphFailure(lesson.message)
         self._lessons += 1
@@ -372,7 +393,8 @@ class Bench:
     def _practice(self) -> str:
         messages = []
         practised = self.client.practise(
-            targets=[self._target], on_feedback=lambda feedback: messages.append(feedback.message)
+            targets=[target_of(self._target)],
+            on_feedback=lambda feedback: messages.append(feedback.message),
         )
         if not practised.success or practised.learned < practised.executed:
             raise GraphFailure("; ".join([practised.message, *filter(None, messages)]))
@@ -382,7 +404,7 @@ class Bench:
         return self.client.learn(at_least=ENOUGH).message
 
     def _throw(self) -> str:
-        thrown = self.client.throw(self._target)
+        thrown = self.client.execute(self._target)
         if thrown.code != Execute.Goal.OUTCOME_EXECUTED or not thrown.outcome.seen:
             seen = "" if thrown.outcome.seen else "; landing not seen"
             raise GraphFailure(thrown.message + seen)
@@ -619,7 +641,9 @@ def run_all(
             break
         replay = left[0].phase == "replay"
         here = folder / f"graph_{attempt}"
-        with closing(ReplayBench(here, played) if replay else Bench(here)) as bench:
+        with closing(
+            ReplayBench(here, played) if replay else Bench(here, skill=left[0].skill)
+        ) as bench:
             bench.start()
             while left and (left[0].phase == "replay") == replay:
                 reactions.append(_reaction(bench, left.pop(0)))

@@ -20,7 +20,13 @@ OF_NODES, OF_TOPICS = (KILL, FREEZE, HOLD_UP), (LOSE, DROP, DELAY, DUPLICATE, CO
 GARBAGE = "garbage"
 """The attack that sends bytes which are no messages."""
 FAULTS = (*OF_NODES, *OF_TOPICS, FULL_DISK, ATTACK)
-PHASES = ("idle", "lesson", "learning", "planning", "swing", "practice", "replay")
+PHASES = (
+    "idle", "lesson", "learning", "planning", "approach", "swing", "motion", "after", "practice", "replay",
+)  # fmt: skip
+THROW_SKILL = "throw"
+"""Skill of the cases that tell no other."""
+MOMENTS = {"approach": "approaching", "motion": "executing", "after": "watching"}
+"""Phases of a trial of any skill, and what its feedback calls them."""
 HELD_UP = 3.0
 """[s, wall clock]"""
 
@@ -31,7 +37,7 @@ class Case:
 
     * what: the node, the short name of a topic, or the name of an attack (`stranger.ATTACKS`).
     * expected: a regular expression that the answer to the client has. goes_on: what the client
-      asked for succeeds anyway.
+      asked for succeeds anyway. skill: that the graph has learned.
     """
 
     fault: str
@@ -39,10 +45,12 @@ class Case:
     phase: str
     expected: str
     goes_on: bool = False
+    skill: str = THROW_SKILL
 
     @property
     def name(self) -> str:
-        return f"{self.fault}_{self.what}_{self.phase}"
+        name = f"{self.fault}_{self.what}_{self.phase}"
+        return name if self.skill == THROW_SKILL else f"{self.skill}_{name}"
 
     @property
     def topic(self) -> str:
@@ -218,6 +226,36 @@ OF_ATTACKS: dict[str, dict[str, str]] = {
 """The same by phase, and by what a foreign node does in it."""
 
 
+OF_A_TRIAL = {
+    **ARM,
+    LEARNER: ANY,
+    CAMERAS: ANY,
+    DEMONSTRATIONS: DEMONSTRATIONS,
+    **dict.fromkeys((TEACHER, COACH, *BYSTANDERS), GOES_ON),
+}
+"""What the client is told in a trial of any skill, by the node that fails. A skill that sees what it
+does is stopped without cameras; where it does not, nobody sees what comes of it.
+"""
+OF_SKILLS: dict[str, dict[str, str]] = {
+    "lesson": {**OF_A_TRIAL, LEARNER: GOES_ON, TEACHER: TEACHER},
+    "learning": OF_KILLED["learning"],
+    **dict.fromkeys(MOMENTS, OF_A_TRIAL),
+}
+"""The same for each phase of the skills that follow."""
+SKILLS = ("place", "reach", "darts")
+"""Skills whose cases are made from `OF_SKILLS`."""
+
+
+def _of_skills() -> list[Case]:
+    return [
+        Case(fault, node, phase, told, told == GOES_ON, skill)
+        for skill in SKILLS
+        for phase, of in OF_SKILLS.items()
+        for node, told in of.items()
+        for fault in (KILL, FREEZE)
+    ]
+
+
 def _cases() -> tuple[Case, ...]:
     of_nodes = [
         (what, phase, told) for phase, of in OF_KILLED.items() for what, told in of.items()
@@ -246,24 +284,26 @@ def _cases() -> tuple[Case, ...]:
         for phase, of in OF_ATTACKS.items()
         for what, told in of.items()
     ]
-    return tuple(
+    of_throws = (
         Case(fault, what, phase, told, told == GOES_ON) for fault, what, phase, told in table
     )
+    return (*of_throws, *_of_skills())
 
 
 CASES = _cases()
 
 
-def named(*texts: str) -> list[Case]:
-    """Cases whose names hold one of these texts, in an order in which little is started anew;
-    ValueError for a text that none holds.
+def named(*texts: str, skill: str = THROW_SKILL) -> list[Case]:
+    """Cases of a skill whose names hold one of these texts, in an order in which little is started
+    anew; ValueError for a text that none holds.
     """
+    of_skill = [case for case in CASES if case.skill == skill]
     for text in texts:
-        if not any(text in case.name for case in CASES):
+        if not any(text in case.name for case in of_skill):
             raise ValueError(
                 f"no case is called '{text}': dart-skill experiment faults --list names them"
             )
-    chosen = [case for case in CASES if any(text in case.name for text in texts)]
+    chosen = [case for case in of_skill if any(text in case.name for text in texts)]
     return sorted(
         chosen,
         key=lambda case: (

@@ -88,6 +88,12 @@ faulty part was started again. This page is what it writes.
     dart-skill experiment faults --case kill_commander_swing
     dart-skill experiment faults --page docs/faults.md
 
+The cases of `place`, `reach` and `darts` are listed and tried with the name of the skill. Each node of the graph is
+killed and frozen while the skill is taught and learned, on the approach, in the motion, and while it is watched what
+came of it:
+
+    dart-skill experiment faults --skill place --list
+
 A client must be told within 5 s of the wall clock. On the same machine the system says whether a process has died, and
 it is known within 0.2 s. One that is stopped may go on within 3.5 s. A process of another machine is taken for dead 4 s
 after the last word of its middleware, whatever its Python code is busy with. Time that stands still, though nobody
@@ -133,8 +139,10 @@ def page(reactions: list[Reaction], usual: tuple[float, float]) -> str:
             f" {usual[1]:.0f} Nm."
         ),
     ]
-    if len(reactions) < len(CASES):
-        lines += ["", f"Only these {len(reactions)} of the {len(CASES)} cases were tried."]
+    skills = {one.case.skill for one in reactions}
+    of_skills = sum(case.skill in skills for case in CASES)
+    if len(reactions) < of_skills:
+        lines += ["", f"Only these {len(reactions)} of the {of_skills} cases were tried."]
     for fault in FAULTS:
         if of_fault := [one for one in reactions if one.case.fault == fault]:
             lines += ["", f"## {fault}", "", MEANING[fault], "", *_table(of_fault, usual)]

@@ -15,6 +15,7 @@ from dart_skill.recording import Event
 from dart_skill.skills.learning import (
     VECTORS,
     LearnedSkill,
+    NoPlan,
     choose_components,
     orientations,
     pose_features,
@@ -62,6 +63,18 @@ def test_the_hand_ends_at_a_body_that_stands_elsewhere_and_is_turned(learned, tu
         body = body_at(*place, turn)
         off, angle = end_of(learned.plan(situation_of(body)), body)
         assert np.abs(off).max() < 1e-3 and np.degrees(angle) < 1.5
+
+
+def test_a_body_below_what_it_stood_on_is_refused_and_one_that_is_higher_is_not(learned):
+    """`/simulation/reset` without a situation put the holder under the table, and a plan led there."""
+    body = body_at(0.5, 0.2, 0.2)
+    lowest = min(one.situation.pose("button").position[2] for one in learned.movements)
+    for higher in (-0.09, 0.0, 0.2):
+        learned.plan(situation_of(Pose([*body.position[:2], lowest + higher], body.quaternion)))
+    with pytest.raises(
+        NoPlan, match=r"the button stands at a height of .* 0.35 m lower than .*show one there"
+    ):
+        learned.plan(situation_of(Pose([*body.position[:2], lowest - 0.35], body.quaternion)))
 
 
 def test_a_world_that_is_turned_and_shifted_has_the_same_plan_turned_and_shifted(
