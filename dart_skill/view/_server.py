@@ -166,7 +166,7 @@ def _refusing_long_paths() -> Iterator[None]:
     """Where viser opens its server: a request for what cannot be the name of a file is answered with
     404 (NOT FOUND). viser asks the system for it, and answers with 500 (INTERNAL SERVER ERROR).
     """
-    module = importlib.import_module("websockets.asyncio.server")
+    module: Any = importlib.import_module("websockets.asyncio.server")
     serve = module.serve
 
     def serving(*args: Any, process_request: Callable, **others: Any) -> Any:
