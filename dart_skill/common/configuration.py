@@ -283,9 +283,8 @@ def _parameters(name: str, section: str, described: str) -> dict:
     kinds.check(told, f"{config_path(name)}: {section}.ros__parameters")
     if of_arm:
         kinds.check(of_arm, f"{arm_path(arm_name())}: parameters.{Path(name).stem}")
-    shared = (
-        set() if described in SHARED else set().union(*map(described_parameters().get, SHARED))
-    )
+    of_all = {key for one in SHARED for key in described_parameters().get(one, {})}
+    shared = set() if described in SHARED else of_all
     given = {**told, **of_arm}
     if missing := [key for key in rows if key not in given and key not in shared]:
         raise ConfigurationError(f"{config_path(name)} lacks {', '.join(missing)}: add it")

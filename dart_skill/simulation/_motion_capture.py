@@ -168,7 +168,7 @@ class MotionCaptureConfig:
         `.look_at`, nested or with dots in the keys. `half_angles_deg` and `range` hold for all.
         Unknown keys belong to the node: ignored.
         """
-        half_angles = tuple(np.deg2rad(parameters.get("half_angles_deg", (28.0, 23.0))))
+        half_angles: Any = tuple(np.deg2rad(parameters.get("half_angles_deg", (28.0, 23.0))))
         distance = float(parameters.get("range", 12.0))
         cameras = [
             _camera(parameters, name, half_angles, distance)
@@ -182,7 +182,7 @@ class MotionCaptureConfig:
 
 
 def _camera(
-    parameters: Mapping, name: str, half_angles: tuple[float, ...], distance: float
+    parameters: Mapping, name: str, half_angles: tuple[float, float], distance: float
 ) -> Camera:
     """One of the cameras; ValueError names it if it has no place."""
     position, look_at = (

@@ -70,6 +70,8 @@ LESSONS = 4.0
 """
 ENOUGH = 2
 """Demonstrations that are learned from."""
+LESSONS_OF_A_SKILL = 5
+"""From fewer a dart's swing may come to the end of a joint's range."""
 SETTLE, RESTS = 1.0, 0.5
 """The arm is watched so long after the client's answer, or until it has rested for the latter [s,
 wall clock].
@@ -155,7 +157,7 @@ class Bench:
         *self._shown, self._target = (
             [at_place(target) for targets in targets_for(SEED, 2, 1) for target in targets]
             if skill == THROW_SKILL
-            else [situation_msg(self._skill.draw(rng)) for _ in range(3)]
+            else [situation_msg(self._skill.draw(rng)) for _ in range(LESSONS_OF_A_SKILL + 1)]
         )
         self.usual = (LESSONS, float(the_arm().of_joints("peak_torque").max()))
 
