@@ -35,11 +35,17 @@ STYLE = (
     --mantine-color-body: #1f2226; --mantine-color-text: #e6e6e6; --mantine-color-black: #e6e6e6; --mantine-color-dimmed: #a8adb3;
     --mantine-color-default: #2a2e33; --mantine-color-default-color: #e6e6e6; --mantine-color-default-border: #4a5057;
     --mantine-color-default-hover: #343a40; --mantine-color-placeholder: #a8adb3; --input-color: #e6e6e6; --input-bg: #2a2e33;
+    --mantine-color-gray-2: #3a4047; --mantine-color-gray-3: #4a5057;
+    --mantine-color-disabled: #2a2e33; --mantine-color-disabled-color: #7d848b;
   }
   .mantine-Input-input { --input-bg: #2a2e33; --input-color: #e6e6e6; color: #e6e6e6; background: #2a2e33; }
   .mantine-Paper-root:has(.ds-says) { background: #1f2226; color: #e6e6e6; }
   .mantine-Paper-root:has(.ds-says) * { border-color: #4a5057; }
-  .uplot canvas { filter: invert(1) hue-rotate(180deg); }
+  .mantine-Paper-root:has(.ds-says) :is([role="tab"][data-active], .mantine-Slider-thumb) {
+    border-color: var(--mantine-primary-color-filled); }
+  .mantine-Slider-thumb, .mantine-Slider-mark:not([data-filled]), .mantine-Checkbox-input:not(:checked) { background: #2a2e33; }
+  .mantine-Notification-root { background: #2a2e33; color: #e6e6e6; }
+  .uplot canvas { filter: invert(0.85) hue-rotate(180deg); }
   .uplot .u-legend { color: DARK_INK; }
   div[style*="background-color"]:has(canvas[data-engine]) { background: DARK_PAGE !important; }
 }

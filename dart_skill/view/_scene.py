@@ -482,7 +482,6 @@ class Scene:
                 f"/surroundings/{number}",
                 parts_of([solid])[0].mesh,
                 palette.LIGHT,
-                opacity=0.6,
                 flat_shading=True,
             )
         for number, role in enumerate(self.bodies if self._skill is not None else ()):

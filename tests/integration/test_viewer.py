@@ -362,6 +362,45 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path)
         ] == [], "nothing from outside"
 
 
+LIGHT_PARTS = """(() => {
+  const light = colour => {
+    const [red, green, blue, alpha = 1] = colour.match(/[0-9.]+/g).map(Number);
+    return alpha > 0.5 && Math.min(red, green, blue) > 200;
+  };
+  const edge = style => parseFloat(style.borderTopWidth) > 0 && style.borderTopStyle !== 'none';
+  const found = [];
+  const panels = '.mantine-Paper-root:has(.ds-says), .mantine-Notification-root';
+  for (const panel of document.querySelectorAll(panels))
+    for (const part of [panel, ...panel.querySelectorAll('*')])
+      for (const of of ['', '::before']) {
+        const style = getComputedStyle(part, of);
+        if (part.getBoundingClientRect().width === 0 || (of && style.content === 'none')) continue;
+        if (light(style.backgroundColor) || (edge(style) && light(style.borderTopColor)))
+          found.push(part.className + of + ' ' + style.backgroundColor + ' ' + style.borderTopColor);
+      }
+  return found;
+})()"""
+"""What a page has in its panel and its notes that is light: areas and frames."""
+
+
+@needs_chromium
+@pytest.mark.parametrize("size", [SMALL, (390, 844)])
+def test_in_the_dark_scene_and_panel_are_dark(live, tmp_path, size):
+    client, _, url = live
+    with Page(tmp_path / "browser", url, size) as page:
+        wait_for(client, lambda: page.button("Stop"), 90.0, "the page")
+        assert page.run(LIGHT_PARTS), "a page is light unless something else is wanted"
+        dark = [{"name": "prefers-color-scheme", "value": "dark"}]
+        page.call("Emulation.setEmulatedMedia", features=dark)
+        wait_for(client, lambda: page.run(LIGHT_PARTS) == [], 60.0, "a panel without light parts")
+        wait_for(
+            client,
+            lambda: np.median(page.screenshot(tmp_path / "page.png")[:200, : size[0] // 2]) < 50,
+            60.0,
+            "a dark scene",
+        )
+
+
 def _comes(client, condition, limit=20.0):
     """Whether the condition comes true in time."""
     until = time.monotonic() + limit
