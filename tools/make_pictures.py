@@ -171,22 +171,23 @@ def _press(page: PageClient, client: GraphClient, button: str, said: str) -> Non
 def _picture(
     folder: Path,
     url: str,
-    client: GraphClient,
+    meanwhile: Callable[[], None],
     path: Path,
     arrange: Callable[[], None] = lambda: None,
 ) -> Path:
     """The live page in a browser, once it stands still. It comes last, as one that looks on takes
     a core of its own.
 
+    meanwhile: called again and again, for who else must be heard.
     arrange: called when the page is there.
     """
     with Page(folder, url, LIVE, few_frames=False) as page:
-        _wait(lambda: page.button("Stop"), "the page", client.spin)
+        _wait(lambda: page.button("Stop"), "the page", meanwhile)
         arrange()
-        page.settle(meanwhile=client.spin)
+        page.settle(meanwhile=meanwhile)
         page.run(CLOSE_NOTES)
         page.run(TO_THE_TOP)
-        page.settle(meanwhile=client.spin)
+        page.settle(meanwhile=meanwhile)
         Image.fromarray(page.screenshot()).save(path, optimize=True)
     return path
 
@@ -201,7 +202,7 @@ def show_view(folder: Path) -> Path:
         with PageClient(url, origin=url) as page:
             _press(page, client, "Practise", "throws made")
             _press(page, client, "Throw", "from the middle")
-        return _picture(folder, url, client, DOCS / "view.png")
+        return _picture(folder, url, client.spin, DOCS / "view.png")
 
 
 def show_skill(name: str, folder: Path) -> Path:
@@ -214,7 +215,7 @@ def show_skill(name: str, folder: Path) -> Path:
         _press(page, client, "Learn", f"Next: press {do}")
         _press(page, client, "Practise", f"{trials} made")
         _press(page, client, do, "mm off")
-        return _picture(folder, url, client, DOCS / f"view_{name}.png")
+        return _picture(folder, url, client.spin, DOCS / f"view_{name}.png")
 
 
 def show_by_mouse(folder: Path) -> Path:
@@ -241,7 +242,11 @@ def show_by_mouse(folder: Path) -> Path:
                 page.click("From above, or the side (V)")
                 until(lambda looks=looks: page.looks > looks, "another look")
 
-        return _picture(folder, url, client, DOCS / "view_by_mouse.png", look_from_the_side)
+        def hear_both() -> None:
+            client.spin()
+            page.listen()
+
+        return _picture(folder, url, hear_both, DOCS / "view_by_mouse.png", look_from_the_side)
 
 
 def show_report(folder: Path) -> Path:

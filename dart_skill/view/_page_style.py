@@ -44,7 +44,8 @@ STYLE = (
   .mantine-Paper-root:has(.ds-says) :is([role="tab"][data-active], .mantine-Slider-thumb) {
     border-color: var(--mantine-primary-color-filled); }
   .mantine-Slider-thumb, .mantine-Slider-mark:not([data-filled]), .mantine-Checkbox-input:not(:checked) { background: #2a2e33; }
-  .mantine-Notification-root { background: #2a2e33; color: #e6e6e6; }
+  .mantine-Notification-root { background: #2a2e33; }
+  .mantine-Notification-root :is(div, button) { color: DARK_INK; }
   .uplot canvas { filter: invert(0.85) hue-rotate(180deg); }
   .uplot .u-legend { color: DARK_INK; }
   div[style*="background-color"]:has(canvas[data-engine]) { background: DARK_PAGE !important; }

@@ -362,11 +362,13 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path)
         ] == [], "nothing from outside"
 
 
-LIGHT_PARTS = """(() => {
+NOT_DARK = """(() => {
   const light = colour => {
     const [red, green, blue, alpha = 1] = colour.match(/[0-9.]+/g).map(Number);
     return alpha > 0.5 && Math.min(red, green, blue) > 200;
   };
+  const dim = colour => Math.max(...colour.match(/[0-9.]+/g).slice(0, 3).map(Number)) < 90;
+  const written = part => [...part.childNodes].some(one => one.nodeType === 3 && one.data.trim());
   const edge = style => parseFloat(style.borderTopWidth) > 0 && style.borderTopStyle !== 'none';
   const found = [];
   const panels = '.mantine-Paper-root:has(.ds-says), .mantine-Notification-root';
@@ -377,10 +379,12 @@ LIGHT_PARTS = """(() => {
         if (part.getBoundingClientRect().width === 0 || (of && style.content === 'none')) continue;
         if (light(style.backgroundColor) || (edge(style) && light(style.borderTopColor)))
           found.push(part.className + of + ' ' + style.backgroundColor + ' ' + style.borderTopColor);
+        if (!of && written(part) && part.tagName !== 'STYLE' && dim(style.color))
+          found.push(part.innerText + ' is written in ' + style.color);
       }
   return found;
 })()"""
-"""What a page has in its panel and its notes that is light: areas and frames."""
+"""What a page has in its panel and its notes that is for light: light areas and frames, dark words."""
 
 
 @needs_chromium
@@ -389,10 +393,10 @@ def test_in_the_dark_scene_and_panel_are_dark(live, tmp_path, size):
     client, _, url = live
     with Page(tmp_path / "browser", url, size) as page:
         wait_for(client, lambda: page.button("Stop"), 90.0, "the page")
-        assert page.run(LIGHT_PARTS), "a page is light unless something else is wanted"
+        assert page.run(NOT_DARK), "a page is light unless something else is wanted"
         dark = [{"name": "prefers-color-scheme", "value": "dark"}]
         page.call("Emulation.setEmulatedMedia", features=dark)
-        wait_for(client, lambda: page.run(LIGHT_PARTS) == [], 60.0, "a panel without light parts")
+        wait_for(client, lambda: page.run(NOT_DARK) == [], 60.0, "a dark panel")
         wait_for(
             client,
             lambda: np.median(page.screenshot(tmp_path / "page.png")[:200, : size[0] // 2]) < 50,
