@@ -288,20 +288,6 @@ def test_a_goal_in_a_world_that_somebody_holds_says_what_lets_it_run(client):
     assert "the simulated world is held: /simulation/pause" in ended.result.message
 
 
-def test_an_empty_goal_right_after_a_reset_is_for_where_the_bodies_are_now(client):
-    """It was planned for where the cameras had seen them last, before the reset."""
-    reset = client.node.create_client(Reset, "/simulation/reset")
-    execute = ActionClient(client.node, Execute, "/execute")
-    wait_for(client, execute.server_is_ready, what="the action")
-    for place in (np.array([1.9, -0.25, 0.4]), np.array([2.1, 0.2, 0.4])):
-        client.call(reset, Reset.Request(situation=conversions.at_place(place)))
-        handle = client.wait(execute.send_goal_async(Execute.Goal()), "the goal")
-        made = client.wait(handle.get_result_async(), "the throw").result
-        assert made.outcome.success, made.message
-        aimed = conversions.target_of(made.outcome.situation)
-        np.testing.assert_allclose(aimed, place, atol=0.005)
-
-
 def test_a_lesson_that_is_refused_changes_nothing(client):
     """It left the world paused, where the next goal waited for ever."""
     resets = []

@@ -226,6 +226,21 @@ def test_a_number_that_the_skill_does_not_have_is_not_executed(graph):
     )
 
 
+def test_an_empty_goal_right_after_a_reset_is_for_where_the_bodies_are_now(graph):
+    """It was for where the cameras had seen them before: a part in its holder, not in the hand."""
+    client, action = graph.client, ActionClient(graph.client.node, Execute, "/execute")
+    wait_for(client, action.server_is_ready, what="the commander")
+    reset = client.node.create_client(Reset, "/simulation/reset")
+    for _ in range(2):
+        client.call(reset, Reset.Request())
+        handle = client.wait(action.send_goal_async(Execute.Goal()), "/execute")
+        made = client.wait(handle.get_result_async(), "the result").result
+        assert made.code == Execute.Goal.OUTCOME_EXECUTED, made.message
+        assert made.outcome.seen
+    client.call(reset, Reset.Request())
+    action.destroy()
+
+
 def test_a_body_that_this_world_does_not_have_is_not_put_anywhere(graph):
     with pytest.raises(
         GraphFailure, match="this world can put the holder somewhere, not 'basket'"

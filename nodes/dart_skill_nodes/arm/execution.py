@@ -225,8 +225,10 @@ class Execution:
         """
         if set(self._skill.situated) <= set(situation.bodies):
             return situation
-        # what the cameras saw before, as before a reset, is not where the bodies are now
-        seen = await self._recorder.look(stamp_ns or self.state.stamp_ns)
+        # what the cameras saw before, as before a reset, is not where the bodies are now; while
+        # time is held no more is seen
+        newest_ns = 0 if self._arm.time.is_held else self.state.stamp_ns
+        seen = await self._recorder.look(stamp_ns or newest_ns)
         for body, pose in zip(seen.bodies, seen.poses, strict=True):
             if body in self._skill.situated and body not in situation.bodies:
                 situation.bodies.append(body)
