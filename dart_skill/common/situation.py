@@ -154,8 +154,8 @@ class Situation:
 
 
 def _short(number: float) -> str:
-    """A number with three digits, and no more than four decimals."""
-    return f"{round(float(f'{number:.3g}'), 4) + 0.0:g}"
+    """A number with three digits; 0 for one that has none within four decimals."""
+    return "0" if abs(number) < 1e-4 else f"{number:.3g}"
 
 
 def _turn(pose: Pose) -> Any:

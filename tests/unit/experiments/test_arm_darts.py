@@ -495,19 +495,15 @@ def test_the_figure_of_few_darts_shows_what_there_is(narrow):
     )
     figure = arm_darts_figure(DartsRun(0, "both", BOARD.position, ((0.0, 1.0),), darts), narrow)
     figure.draw_without_rendering()
-    spread, aim, scores, board = figure.axes[:4]
+    board, nearer, spread, aim, scores = figure.axes[:5]
     assert [text.get_text() for text in spread.get_legend().get_texts()] == [
         "miss across",
         "miss up and down",
     ]
     assert [text.get_text() for text in scores.get_legend().get_texts()] == ["each dart"]
     assert all(tick == round(tick) for tick in spread.get_xticks())
-    (inset,) = board.child_axes
-    assert inset.get_xlim() == (-20.0, 20.0) and "mm" in inset.get_title()
-    titles = [
-        axes.title if axes is inset else axes._left_title
-        for axes in (spread, aim, scores, board, inset)
-    ]
+    assert nearer.get_xlim() == (-20.0, 20.0) and "mm" in nearer.get_title(loc="left")
+    titles = [axes._left_title for axes in (spread, aim, scores, board, nearer)]
     boxes = [title.get_window_extent() for title in titles] + [
         one.get_legend().get_window_extent() for one in (spread, scores)
     ]
@@ -519,8 +515,10 @@ def test_the_figure_of_few_darts_shows_what_there_is(narrow):
 
 
 def test_hits_about_another_bed_have_no_picture_of_the_middle(faked):
-    figure = arm_darts_figure(faked)
-    assert not figure.axes[3].child_axes and len(figure.axes[0].get_legend().get_texts()) == 4
+    board, nearer, spread, *_ = arm_darts_figure(faked).axes
+    assert not board.child_axes and len(spread.get_legend().get_texts()) == 4
+    np.testing.assert_allclose(np.mean(nearer.get_xlim()), faked.darts[-1].aim[0])
+    np.testing.assert_allclose(np.mean(nearer.get_ylim()), faked.darts[-1].aim[1])
 
 
 def test_a_running_mean_is_one_of_what_is_known():
