@@ -6,6 +6,7 @@ from contextlib import closing
 
 import pytest
 
+from dart_skill.cli import main
 from tests.benches.faults.bench import Bench
 from tests.benches.faults.cases import CASES, FAULTS, OF_ATTACKS, PHASES, named
 from tests.benches.faults.reactions import Reaction, as_json, page
@@ -50,6 +51,13 @@ def test_the_client_is_told_the_arm_rests_and_all_works_again(bench, name):
     (case,) = named(name)
     reaction = bench.run(case)
     assert not reaction.faults(bench.usual, ON_A_BUSY_MACHINE), reaction
+
+
+def test_the_page_of_throws_is_not_written_over_with_cases_of_another_skill(tmp_path, capsys):
+    page = tmp_path / "faults.md"
+    with pytest.raises(SystemExit):
+        main(["experiment", "faults", "--skill", "place", "--page", str(page)])
+    assert "leave out --skill place, or --page" in capsys.readouterr().err and not page.exists()
 
 
 def test_cases_have_names_of_their_own():

@@ -56,6 +56,8 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         names = [case.name for case in cases]
         print(json.dumps(names) if options.json else "\n".join(names))
         return 0
+    if options.page and options.skill != THROW_SKILL:
+        parser.error(f"--page is that of throws: leave out --skill {options.skill}, or --page")
     if options.output and options.output.exists() and any(options.output.iterdir()):
         parser.error(f"--output {options.output} is not empty: name a new folder")
     choose_domain()

@@ -88,9 +88,9 @@ faulty part was started again. This page is what it writes.
     dart-skill experiment faults --case kill_commander_swing
     dart-skill experiment faults --page docs/faults.md
 
-The cases of `place`, `reach` and `darts` are listed and tried with the name of the skill. Each node of the graph is
-killed and frozen while the skill is taught and learned, on the approach, in the motion, and while it is watched what
-came of it:
+There are cases of `place`, `reach` and `darts`, too: each node of the graph is killed and frozen while the skill is
+taught and learned, on the approach, in the motion, and while it is watched what came of it. **They have not been tried
+to a result yet**: what they expect is an assumption, and this page has none of them.
 
     dart-skill experiment faults --skill place --list
 
