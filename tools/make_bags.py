@@ -10,9 +10,11 @@ gives the same poses, states and commands.
 """
 
 import argparse
+import heapq
 import signal
 import sys
 import time
+from operator import attrgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -25,12 +27,7 @@ import rclpy  # noqa: E402  the domain must be chosen before rclpy starts
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 
 from dart_skill.common.regions import targets_for  # noqa: E402
-from dart_skill.recording import (  # noqa: E402
-    BagReader,
-    BagWriter,
-    definition,
-    serialize,
-)
+from dart_skill.recording import BagReader, BagWriter, definition  # noqa: E402
 from dart_skill_nodes.client.graph_client import GraphClient  # noqa: E402
 from dart_skill_nodes.process.graph_processes import GraphFailure  # noqa: E402
 from dart_skill_nodes.verbs.trials import teach, throw_at  # noqa: E402
@@ -55,13 +52,13 @@ TOPICS = [
 
 FEW = 5
 """Demonstrations in the bag of the wheel."""
-NEEDED = (
-    "/joint_states",
+JOINTS = "/joint_states"
+OTHERS = (
     *(f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket")),
     "/wam/teacher_wrench",
     "/robot_description",
 )
-"""Topics from which throws are learned; the teacher's tells when the hand opens."""
+"""Topics from which throws are learned, beside the joints; the teacher's tells when the hand opens."""
 THINNED_NS = 10_000_000
 """Time between two joint states in the bag of the wheel [ns]."""
 PATIENCE = 30.0
@@ -140,23 +137,20 @@ def make(folder: Path, logs: Path) -> None:
 
 def make_few(demonstrations: Path, few: Path) -> None:
     """Copy what learning needs of the first demonstrations, joint states at the cameras' rate."""
-    joints, kept = NEEDED[0], -THINNED_NS
     with BagReader(demonstrations) as bag:
-        shown = list(bag.messages(["/demonstrations"]))
+        shown = [one.stamp_ns for one in bag.messages(["/demonstrations"], decode=False)]
+        how = {"stop_ns": shown[FEW - 1] + 1, "decode": False}
+        streams = (
+            bag.messages([JOINTS], every_ns=THINNED_NS, **how),
+            bag.messages(OTHERS, **how),
+        )
         with BagWriter(few, bag.custom_data, chunk_size=2**22, flush_period_ns=2**62) as copy:
-            for name in NEEDED:
+            for name in (JOINTS, *OTHERS):
                 topic = bag.topics[name]
                 text = definition(bag.types, topic.type_name)
                 copy.add_topic(name, topic.type_name, text, type_hash=topic.type_hash)
-            for one in bag.messages(NEEDED):
-                if one.stamp_ns > shown[FEW - 1].stamp_ns:
-                    break
-                if one.topic == joints:
-                    if one.stamp_ns - kept < THINNED_NS:
-                        continue
-                    kept = one.stamp_ns
-                content = serialize(bag.types, one.type_name, one.data)
-                copy.write(one.topic, one.stamp_ns, one.stamp_ns, content)
+            for one in heapq.merge(*streams, key=attrgetter("stamp_ns")):
+                copy.write(one.topic, one.stamp_ns, one.stamp_ns, one.data)
 
 
 def main() -> int:

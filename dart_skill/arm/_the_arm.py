@@ -2,7 +2,6 @@
 
 from functools import lru_cache
 
-from dart_skill.arm._arm_files import SWING
 from dart_skill.arm._description import (
     ArmDescription,
     ArmSwing,
@@ -46,10 +45,8 @@ def the_swing() -> ArmSwing:
 
 @lru_cache(maxsize=8)
 def _swing(name: str) -> ArmSwing:
-    path = description_path(name)
-    content = read_yaml(path)
+    content = read_yaml(description_path(name))
     if "swing" in content:
-        SWING.check(content["swing"], f"{path}: swing")
         return parse_swing(content["swing"], the_arm().n_joints)
     from dart_skill.arm._throwing_bound import widest_swing  # with Pinocchio
 

@@ -4,16 +4,17 @@ imported here.
 
 import argparse
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from dart_skill.cli.names import CONFIGURATIONS
 
 if TYPE_CHECKING:
     from dart_skill.skills.protocol import Skill
 
+_T = TypeVar("_T")
 GRAPHS = ("composed", "processes")
 """Layouts of the simulated graph."""
 PARAMETER_FILES = ("skill_learner.yaml", "demonstration_recorder.yaml", "coach.yaml")
@@ -102,6 +103,20 @@ def check_model(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
         )
 
 
+def _made(parser: argparse.ArgumentParser, make: Callable[[], _T]) -> _T:
+    """What is made of values that a user gave; a usage error for a value that cannot be, but not
+    where a file of config/ is broken.
+    """
+    from dart_skill.common.entries import ConfigurationError
+
+    try:
+        return make()
+    except ConfigurationError:
+        raise
+    except ValueError as error:
+        parser.error(str(error))
+
+
 def chosen_skill(
     parser: argparse.ArgumentParser, name: str, settings: Sequence[str] = ()
 ) -> "Skill":
@@ -112,16 +127,10 @@ def chosen_skill(
     settings
         Values of --set, of which those of the node "skill" are settings of the skill.
     """
-    from dart_skill.common.entries import ConfigurationError
     from dart_skill.common.fleet import skill_settings
     from dart_skill.skills.protocol import load_skill
 
-    try:
-        return load_skill(name, changes=skill_settings(settings))
-    except ConfigurationError:
-        raise
-    except ValueError as error:
-        parser.error(str(error))
+    return _made(parser, lambda: load_skill(name, changes=skill_settings(settings)))
 
 
 def add_namespace(
@@ -178,16 +187,10 @@ def differences(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
     """Parameters by node in which --arm and --set differ from config/; a usage error names what
     does not exist.
     """
-    from dart_skill.common.entries import ConfigurationError
     from dart_skill.common.fleet import arm_with, of_nodes
     from dart_skill.common.world import the_world
 
-    try:
-        differs = arm_with(options.arm, options.set)
-    except ConfigurationError:
-        raise
-    except ValueError as error:
-        parser.error(str(error))
+    differs = _made(parser, lambda: arm_with(options.arm, options.set))
     if len(of_nodes(options.set)) < len(options.set):
         chosen_skill(parser, getattr(options, "skill", "") or the_world().skill, options.set)
     return differs

@@ -122,7 +122,7 @@ def _full_names(name: str, namespace: str) -> tuple[str, ...]:
 
 def processes() -> dict[str, list[str]]:
     """The sections of the file that make up each process, by the name of its enclave."""
-    return {name: list(_section(name).get("runs", [name])) for name in _sections()}
+    return {name: list(one.get("runs", [name])) for name, one in _sections().items()}
 
 
 def policy(namespace: str = "") -> str:

@@ -162,8 +162,8 @@ def learn_from_bag(
     with_throws
         Also from misses and from the arm's own throws.
     without
-        Ids of throws that are left out, or their numbers from 1 in order of time, besides the demonstrations that were dropped while they
-        were recorded.
+        Ids of throws that are left out, or their numbers from 1 in order of time, besides the
+        demonstrations that were dropped while they were recorded.
     remember
         How many are learned from at most, so that neither memory nor model grow with the recording
         (`ThrowMemory`); 0 for all. `NothingLearned`, a ValueError, if there is too little to learn

@@ -31,7 +31,8 @@ def learn_skill(
     configuration
         Name, of a skill that has such; empty: the usual one.
     without
-        Ids that are left out, or numbers from 1 in the order of the source, besides those that were dropped while they were recorded.
+        Ids that are left out, or numbers from 1 in the order of the source, besides those that
+        were dropped while they were recorded.
 
     Raises
     ------

@@ -7,7 +7,7 @@ import numpy as np
 from dart_skill.common.regions import Region
 
 STRIPE = 0.06
-"""Shortest stripe of a line of two colours [m]."""
+"""Length of a stripe of a line of two colours [m]."""
 
 
 def nearest_in(region: Region, point: np.ndarray) -> np.ndarray:
@@ -113,14 +113,9 @@ def segments(points: np.ndarray) -> np.ndarray:
 
 
 def stripes(lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pieces (n, 2, 3) of a path, the odd stripes of it and the even ones, each of which is at least
-    `STRIPE` long.
+    """Pieces (n, 2, 3) of a path by turns: those of one colour and those of the other. A stripe ends
+    with the first piece that goes beyond a multiple of `STRIPE`.
     """
-    number, length, numbers = 0, 0.0, []
-    for piece in np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1):
-        numbers.append(number)
-        length += piece
-        if length >= STRIPE:
-            number, length = number + 1, 0.0
-    odd = np.array(numbers, dtype=int) % 2 == 1
-    return lines[~odd], lines[odd]
+    lengths = np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1)
+    second = (np.cumsum(lengths) - lengths) // STRIPE % 2 == 1
+    return lines[~second], lines[second]

@@ -26,7 +26,15 @@ from dart_skill.skills.learning import component_ellipsoids
 from dart_skill.skills.protocol import load_skill, skill_names
 from dart_skill.view import shapes
 from dart_skill.view.arm_shapes import fingers, housings
-from dart_skill.view.geometry import Trail, nearest_in, on_plane, outline, segments
+from dart_skill.view.geometry import (
+    STRIPE,
+    Trail,
+    nearest_in,
+    on_plane,
+    outline,
+    segments,
+    stripes,
+)
 from tests.integration.browser import project
 from tests.throw_demonstrations import throw_demonstration
 from tests.view_client import PageClient
@@ -406,6 +414,15 @@ def test_a_trail_keeps_its_newest_points():
 
 
 # --- the basket ---
+
+
+def test_stripes_share_a_path_by_turns():
+    x = np.arange(301) * STRIPE / 100.0 + 1e-9
+    pieces = segments(np.column_stack([x, np.zeros((301, 2))]))
+    first, second = stripes(pieces)
+    assert len(first) + len(second) == 300
+    np.testing.assert_allclose(second[[0, -1], 0, 0], [STRIPE, 1.99 * STRIPE], atol=0.02 * STRIPE)
+    assert [len(one) for one in stripes(np.empty((0, 2, 3)))] == [0, 0]
 
 
 def test_the_nearest_place_of_the_region_is_the_nearest_of_many():
