@@ -221,20 +221,7 @@ class SkillSettings:
         return cls().of_configuration(read_yaml(path), str(path))
 
     def of_configuration(self: S, changes: Mapping[str, Any], where: str) -> S:
-        """Settings with the values of a file of config/.
-
-        Parameters
-        ----------
-        changes
-            Values by name.
-        where
-            They are from, for messages.
-
-        Raises
-        ------
-        ConfigurationError
-            For a name or value that cannot be.
-        """
+        """`changed`, with ConfigurationError for a name or value of a file of config/ that cannot be."""
         try:
             return self.changed(changes, where)
         except ValueError as error:
