@@ -263,10 +263,9 @@ class SkillSettings:
             raise ValueError(f"{where}: {error}") from error
         for name, value in values.items():
             usual = known[name].default
-            of_numbers = isinstance(usual, tuple) and not any(
-                isinstance(one, str) for one in usual
-            )
-            count = len(usual) if of_numbers else 0
+            count = 0
+            if isinstance(usual, tuple) and not any(isinstance(one, str) for one in usual):
+                count = len(usual)
             if count and len(value) != count and (count > 1 or not value):
                 raise ValueError(f"{where}: {name} is {list(value)}; it must have {count} numbers")
         return changed
