@@ -76,9 +76,9 @@ SETTLE, RESTS = 1.0, 0.5
 """The arm is watched so long after the client's answer, or until it has rested for the latter [s,
 wall clock].
 """
-PATIENCE = 60.0
+PATIENCE = 180.0
 """A client without an answer after so long has none [s, wall clock]."""
-BACK = 60.0
+BACK = 120.0
 """For a node that was started again, and for each thing that is then tried [s, wall clock]."""
 KNOWN = 1.0
 """An attack that was begun is known to all after so long [s, wall clock]."""
@@ -140,7 +140,7 @@ class Bench:
         self.client = WatchedClient()
         self.meter = ArmMeter(self.client.node)
         self.client.meanwhile.append(self.meter.take)
-        self._planning, self._phase = False, ""
+        self._planning, self._phase, self._carried_out = False, "", 0.0
         kind = Execute.Impl.FeedbackMessage
         self.client.node.create_subscription(
             kind, "execute/_action/feedback", self._on_feedback, 10
@@ -230,7 +230,9 @@ class Bench:
         return self._bag_of[node]
 
     def _on_feedback(self, message) -> None:
-        self._phase = message.feedback.phase
+        before, self._phase = self._phase, message.feedback.phase
+        if before == MOMENTS["motion"] != self._phase:
+            self._carried_out = time.monotonic()
         self._planning = self._planning or self._phase == "planning"
 
     # what a case needs besides
@@ -309,7 +311,7 @@ class Bench:
         """Try one case."""
         self._arrange(case)
         injection = FaultInjection(self._graph, case, self._is_time(case), self._order, self._disk)
-        self._planning, self._phase = False, ""
+        self._planning, self._phase, self._carried_out = False, "", 0.0
         self.meter.take()
         self.meter.begin()
         hold_planning = case.phase == "planning" and case.node != LEARNER
@@ -344,7 +346,8 @@ class Bench:
                 self.client.meanwhile.remove(one)
         if not injection.at:
             raise GraphFailure(f"{case.name}: its moment never came: {answer}")
-        seconds = max(0.0, answered - max(injection.at, asked))
+        # a motion that does not need what failed is carried out first, however long it takes
+        seconds = max(0.0, answered - max(injection.at, asked, self._carried_out))
         measured = (
             self.meter.fastest,
             self.meter.strongest,

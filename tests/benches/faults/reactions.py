@@ -17,7 +17,8 @@ AT_REST = 0.1
 class Reaction:
     """Reaction of the graph to one case.
 
-    * answer, seconds: what the client was told, and how long after the fault [s, wall clock].
+    * answer, seconds: what the client was told, and how long after the fault, or after the end of
+      a motion that was carried out in spite of it [s, wall clock].
     * fastest, strongest: of the joints before the wrist, and of all that are driven, not braked,
       after the fault [rad/s], [N m]; last: of all when the watching ended.
     * pushed: who sent commands that push after the fault; at_once: whether commander and teacher
@@ -94,7 +95,8 @@ to a result yet**: what they expect is an assumption, and this page has none of 
 
     dart-skill experiment faults --skill place --list
 
-A client must be told within 5 s of the wall clock. On the same machine the system says whether a process has died, and
+A client must be told within 5 s of the wall clock, or within 5 s of the end of a motion that does not need what failed.
+On the same machine the system says whether a process has died, and
 it is known within 0.2 s. One that is stopped may go on within 3.5 s. A process of another machine is taken for dead 4 s
 after the last word of its middleware, whatever its Python code is busy with. Time that stands still, though nobody
 holds it, is noticed after 4.4 s. Where it depends on which message was hurt, the client must be told, but not within a
