@@ -20,6 +20,8 @@ from dart_skill.skills.protocol import Skill, SkillSettings, SkillWords, Solid, 
 
 WIDE = 0.05
 """Radius of a cup, as viewers show it: nothing touches it [m]."""
+WAY = ("way_x", "way_y", "way_z")
+"""Numbers of a situation that say how far the cup goes [m]."""
 UNHURRIED = {"start": 4.0, "duration": 10.0, "steady": 0.0}
 """Numbers of a belt that is slow enough for a mouse; at its usual speed a person would have one
 second [s].
@@ -85,9 +87,9 @@ class Reach(Skill):
     shown_by = "follow"
     started_by = in_the_way = "cup"
     corrects = "cup"
-    numbers = ("way_x", "way_y", "way_z", "steady", "start", "duration", "tunnel")
+    numbers = (*WAY, "steady", "start", "duration", "tunnel")
     units = MappingProxyType(
-        {"way_x": "m", "way_y": "m", "way_z": "m", "start": "s", "duration": "s"}
+        {**dict.fromkeys(WAY, "m"), "start": "s", "duration": "s", "tunnel": "s"}
     )
     settings_type = ReachSettings
     settings: ReachSettings
@@ -152,6 +154,15 @@ class Reach(Skill):
         return Situation(
             {"cup": Pose(begin, upright)}, {name: float(value) for name, value in numbers.items()}
         )
+
+    def in_words(self, situation: Situation) -> str:
+        """Where the cup is, and how it moves."""
+        numbers = dict(situation.numbers)
+        x, y, z = (f"{round(numbers.pop(name, 0.0), 2) + 0.0:+.2f}" for name in WAY)
+        ends = "at one speed" if numbers.pop("steady", 1.0) else "and rests"
+        moves = any(name in situation.numbers for name in WAY)
+        said = Situation(situation.poses, numbers).in_words(units=self.units)
+        return f"{said}; it moves by {x}, {y}, {z} m {ends}" if moves else said
 
     def unhurried(self, situation: Situation) -> Situation:
         """The cup sets off later, goes as far in more time, and rests there."""

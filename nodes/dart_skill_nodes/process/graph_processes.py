@@ -55,7 +55,7 @@ START = 180.0
 """For a graph to start: seven processes with all that they import, on a machine that has other
 things to do [s, wall clock].
 """
-OF_NO_SKILL = ("bag_player", "effort_bridge")
+OF_NO_SKILL = ("bag_player", "effort_bridge", "recorder")
 """Executables that do the same for every skill."""
 SEEDED = (
     "composed",

@@ -24,7 +24,7 @@ from dart_skill.common.regions import targets_for
 from dart_skill.recording.bags import check_bag, recover
 from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.client.graph_client import GraphClient
-from dart_skill_nodes.comms.conversions import at_place, situation_msg, target_of
+from dart_skill_nodes.comms.conversions import at_place, situation_msg
 from dart_skill_nodes.comms.qos import LATCHED
 from dart_skill_nodes.process.graph_processes import (
     LAYOUTS,
@@ -398,7 +398,7 @@ class Bench:
     def _practice(self) -> str:
         messages = []
         practised = self.client.practise(
-            targets=[target_of(self._target)],
+            situations=[self._target],
             on_feedback=lambda feedback: messages.append(feedback.message),
         )
         if not practised.success or practised.learned < practised.executed:

@@ -14,7 +14,7 @@ from dart_skill.movement import attractor_from_motion
 from dart_skill.recording import Demonstration, Event, Track
 from dart_skill.skills.execution import BodyMotion
 from dart_skill.skills.learning import LearnedSkill, moving_frames
-from dart_skill.skills.protocol import Skill, SkillSettings
+from dart_skill.skills.protocol import Skill, SkillSettings, load_skill
 from tests.unit.skills.task_demonstrations import NOISE, POSTURE, START, smooth
 
 SETTINGS = SkillSettings(representation="autonomous", components=12, settle=0.3)
@@ -331,3 +331,13 @@ def test_what_cannot_be_learned_from_is_named(demonstrations):
     for shown, said in cases:
         with pytest.raises(ValueError, match=said):
             LearnedSkill(Follow(SETTINGS), shown)
+
+
+def test_a_situation_says_how_the_cup_moves_in_words():
+    skill = load_skill("reach")
+    cup = {"cup": Pose(np.array([0.6, -0.1, 1.1]))}
+    moving = Situation(cup, {"way_x": -0.05, "way_y": 0.13, "way_z": -0.0, "steady": 0.0})
+    at = "cup at 0.60, -0.10, 1.10 m"
+    assert skill.in_words(moving) == f"{at}; it moves by -0.05, +0.13, +0.00 m and rests"
+    assert skill.in_words(Situation(cup)) == at
+    assert skill.in_words(Situation(cup, {"tunnel": 1.2})) == f"{at}; tunnel 1.2 s"
