@@ -22,6 +22,7 @@ BAG_SUFFIXES = (".mcap", ".db3", ".bag")
 LISTS: dict[str, dict[str, Sequence[str]]] = {
     "experiment throws": {"configurations": names.CONFIGURATIONS},
     "experiment basket": {"models": names.CONFIGURATIONS},
+    "experiment attempts": {"methods": names.PRACTICE_METHODS},
     "experiment practice": {"methods": names.PRACTICE_METHODS, "changes": names.CHANGES},
     "experiment landscapes": {"methods": names.SEARCHES, "schedules": names.LANDSCAPES},
     "experiment search": {"methods": names.SEARCHES, "schedules": names.SCHEDULES},

@@ -9,7 +9,7 @@ CONFIGURATIONS = (
     "default", "intervals", "thesis", "thesis_local", "em", "weighted", "cross_validated", "autonomous", "shown_release", "two_frames",
 )  # fmt: skip
 """`dart_skill.skills.protocol._throw_settings`."""
-PRACTICE_METHODS = ("residual", "bootstrap", "both", "power", "none")
+PRACTICE_METHODS = ("residual", "newton", "bootstrap", "both", "power", "none")
 """`dart_skill.skills.protocol._throw_settings`."""
 CHANGES = ("none", "heavier_ball", "friction", "weaker_motors", "slower_hand", "base_turned")
 """`dart_skill.experiments.studies.practice`."""

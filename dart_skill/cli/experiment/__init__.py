@@ -12,6 +12,7 @@ EXPERIMENTS = (
     ball_throws.add_throws,
     ball_throws.add_basket,
     ball_throws.add_practice,
+    ball_throws.add_attempts,
     darts.add_darts,
     ball_throws.add_repeatability,
     darts.add_search,

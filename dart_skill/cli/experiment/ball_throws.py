@@ -18,6 +18,7 @@ from dart_skill.cli.experiment._options import (
     add_scheduler,
     show,
 )
+from dart_skill.cli.names import PRACTICE_METHODS
 from dart_skill.cli.run_options import add_configuration, positive
 
 
@@ -237,6 +238,68 @@ def _practice(options: argparse.Namespace) -> int:
         json.dumps(practice.summarise(results), indent=1)
         if options.json
         else practice.table(results)
+    )
+    return 0
+
+
+def add_attempts(experiments: argparse._SubParsersAction) -> None:
+    """Add `attempts` to the experiments of `dart-skill experiment`."""
+    parser = experiments.add_parser(
+        "attempts", help="throws at one basket again and again, for several methods of practice"
+    )
+    parser.add_argument(
+        "--methods",
+        default=",".join(PRACTICE_METHODS),
+        help="separated by commas (default: all)",
+    )
+    parser.add_argument(
+        "--demonstrations", type=positive, default=13, help="how many are shown (default 13)"
+    )
+    parser.add_argument(
+        "--baskets", type=positive, default=3, help="thrown at by each method (default 3)"
+    )
+    parser.add_argument(
+        "--attempts", type=positive, default=6, help="throws at each basket (default 6)"
+    )
+    parser.add_argument(
+        "--within",
+        type=float,
+        default=0.03,
+        metavar="METRES",
+        help="so near a throw is near enough (default 0.03)",
+    )
+    parser.add_argument("--seeds", type=positive, default=20, help="how many seeds (default 20)")
+    add_arms(parser)
+    add_configuration(parser, "default")
+    add_batch(parser)
+    add_json(parser)
+    parser.set_defaults(run=_attempts)
+
+
+def _attempts(options: argparse.Namespace) -> int:
+    from dart_skill.common.fleet import arm_named
+    from dart_skill.experiments.parallel import run_tasks
+    from dart_skill.experiments.studies import attempts
+    from dart_skill.experiments.studies.throws import arm_of
+
+    arm_named(arm_of(options.arms, options.first_seed))
+    shared = {
+        "methods": options.methods.split(","),
+        "demonstrations": options.demonstrations,
+        "baskets": options.baskets,
+        "attempts": options.attempts,
+        "arm": options.arms,
+        "configuration": options.configuration or "default",
+    }
+    tasks = [
+        attempts.attempts_task(seed, **shared)
+        for seed in range(options.first_seed, options.first_seed + options.seeds)
+    ]
+    results = run_tasks(attempts.run, tasks, options.results, options.jobs, options.scheduler)
+    print(
+        json.dumps(attempts.summarise(results, options.within), indent=1)
+        if options.json
+        else attempts.table(results, options.within)
     )
     return 0
 

@@ -16,6 +16,7 @@ from dart_skill.skills.practice._curriculum import UNKNOWN_ERROR, UNSEEN_ERROR, 
 from dart_skill.skills.practice._hand_delay import USUAL_DELAY_SPREAD, HandDelay, likely_late
 from dart_skill.skills.practice._learner import TEACH, Learner, Lesson, Parameters, changed_skill
 from dart_skill.skills.practice._memory import PracticeSettings, TrialMemory
+from dart_skill.skills.practice._newton import NewtonCorrection
 from dart_skill.skills.practice._practice import (
     BootstrapPractice,
     Learned,
@@ -43,6 +44,7 @@ __all__ = [
     "Learner",
     "Lesson",
     "NOISES",
+    "NewtonCorrection",
     "PRIOR_SPREAD",
     "Parameters",
     "Planned",

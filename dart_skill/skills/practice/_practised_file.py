@@ -11,7 +11,7 @@ import numpy as np
 from dart_skill.skills.learning import SavedModel, save_model
 from dart_skill.skills.practice._correction import CorrectionSettings
 from dart_skill.skills.practice._memory import PracticeSettings
-from dart_skill.skills.practice._practising import PractisingSkill
+from dart_skill.skills.practice._practising import CORRECTIONS, PractisingSkill
 from dart_skill.skills.protocol import Skill, ThrowSettings
 
 
@@ -91,7 +91,7 @@ def _of_use(method: str, saved: SavedModel) -> str:
         return method
     kept = found.get("method")
     searched, corrected = found.get("search") is not None, len(saved.practised) > 0
-    if (searched and method != "power") or (corrected and method not in ("residual", "both")):
+    if (searched and method != "power") or (corrected and method not in CORRECTIONS):
         return str(kept)
     return method
 

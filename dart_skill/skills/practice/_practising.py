@@ -34,6 +34,7 @@ from dart_skill.skills.practice._correction import (
 )
 from dart_skill.skills.practice._hand_delay import USUAL_DELAY_SPREAD, HandDelay, likely_late
 from dart_skill.skills.practice._memory import PracticeSettings, TrialMemory, Verdict
+from dart_skill.skills.practice._newton import NewtonCorrection
 from dart_skill.skills.practice._searching import CorrectionSearch
 from dart_skill.skills.practice._steadiness import LEAST, STEP, Steadiness
 from dart_skill.skills.protocol import PRACTICE_METHODS, Skill
@@ -60,6 +61,14 @@ class TrialLesson:
     reason: str = ""
     left: tuple[float, float] = (np.nan, np.nan)
     forgotten: tuple[str, ...] = ()
+
+
+CORRECTIONS: dict[str, type[Correction | NewtonCorrection]] = {
+    "residual": Correction,
+    "both": Correction,
+    "newton": NewtonCorrection,
+}
+"""What learns from misses, by method."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +126,7 @@ class PractisingSkill:
     practice
         TrialMemory, the memory of demonstrations and trials.
     correction
-        Correction of the repeatable miss; None if the method has none.
+        Correction of the repeatable miss, or NewtonCorrection; None if the method has none.
     search
         CorrectionSearch of the method "power"; None with the others.
     hand
@@ -155,9 +164,8 @@ class PractisingSkill:
         self.practice = TrialMemory(shown, configuration, memory, tried, of)
         self.skill = self.practice.learn()
         self._game = configuration.game
-        self.correction = (
-            Correction(settings, self._game.surface) if method in ("residual", "both") else None
-        )
+        learner = CORRECTIONS.get(method)
+        self.correction = None if learner is None else learner(settings, self._game.surface)
         self.search = (
             CorrectionSearch(rng or np.random.default_rng(0)) if method == "power" else None
         )

@@ -22,7 +22,7 @@ turned to the azimuth of the target, or that one and one at the target.
 """
 ALIGNMENTS = ("start", "release")
 """Instants that all demonstrations may share."""
-PRACTICE_METHODS = ("residual", "bootstrap", "both", "power", "none")
+PRACTICE_METHODS = ("residual", "newton", "bootstrap", "both", "power", "none")
 """Ways to learn from own throws (`skills.practice.PractisingSkill`)."""
 
 

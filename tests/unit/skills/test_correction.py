@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from dart_skill.common.surface import RIMS
 from dart_skill.mixture import Gaussian
 from dart_skill.movement import turn_matrix
 from dart_skill.skills.learning import configuration, landing_if_late, learn_throwing
@@ -18,6 +19,7 @@ from dart_skill.skills.practice import (
     USUAL_SCATTER,
     Correction,
     CorrectionSettings,
+    NewtonCorrection,
     polar,
     repeatable_miss,
 )
@@ -297,3 +299,33 @@ def test_a_release_where_the_ball_flies_farthest_leaves_little_to_explain(demons
     assert all(0.0 < value < 0.012 for value in short.values()), short
     for side in (-1, 1):
         assert short[side * 0.01] / short[side * 0.005] == pytest.approx(4.0, rel=0.25), short
+
+
+def test_a_newton_step_lands_on_the_target_where_the_miss_is_the_same_everywhere():
+    target, miss = np.array([2.0, 0.5, 0.4]), np.array([-0.12, 0.03])
+    newton = NewtonCorrection()
+    np.testing.assert_array_equal(newton.shifted(target), target)
+    newton.add(RIMS.coordinates(target), miss)
+    aim = newton.shifted(target)
+    np.testing.assert_allclose(aim + RIMS.offset(miss, aim), target, atol=0.003)
+
+
+def test_newtons_steps_converge_where_the_miss_depends_on_the_aim():
+    target, newton, left = np.array([2.0, 0.5, 0.4]), NewtonCorrection(), []
+    for _ in range(6):
+        aim = newton.shifted(target)
+        place = RIMS.coordinates(aim)
+        landing = aim + RIMS.offset(crooked(place), aim)
+        left.append(np.linalg.norm(landing - target))
+        newton.add(place, crooked(place))
+    assert np.all(np.diff(left) < 0.0) and left[0] > 0.1 and left[-1] < 1e-4, left
+
+
+def test_newton_forgets_all_but_the_last_throw_and_refuses_what_is_not_finite():
+    newton = NewtonCorrection()
+    newton.remember(np.arange(12.0).reshape(2, 6) / 100.0)
+    np.testing.assert_allclose(newton.throws, [np.arange(6, 12) / 100.0])
+    np.testing.assert_allclose(newton.predict([[1.0, 0.0], [2.0, 0.0]])[0], [[0.08, 0.09]] * 2)
+    with pytest.raises(ValueError, match="finite"):
+        newton.add(np.array([2.0, 0.0]), np.array([np.nan, 0.0]))
+    assert len(newton) == 1
