@@ -98,7 +98,7 @@ def summarise(results: list[dict], within: float) -> list[dict]:
             {
                 "method": method,
                 "baskets": len(errors),
-                "median_cm": (100.0 * np.nanmedian(errors, axis=0)).round(2).tolist(),
+                "median_cm": [_median_cm(one) for one in errors.T],
                 "near": near.mean(axis=0).round(3).tolist(),
                 "near_until_then": np.logical_or.accumulate(near, axis=1)
                 .mean(axis=0)
@@ -107,6 +107,12 @@ def summarise(results: list[dict], within: float) -> list[dict]:
             }
         )
     return rows
+
+
+def _median_cm(errors: np.ndarray) -> float | None:
+    """Median of those that are known of errors (n,) [m]; None of none."""
+    known = errors[np.isfinite(errors)]
+    return round(100.0 * float(np.median(known)), 2) if len(known) else None
 
 
 def table(results: list[dict], within: float) -> str:
@@ -121,7 +127,7 @@ def table(results: list[dict], within: float) -> str:
     ]
     for row in rows:
         cells = (
-            f"{middle:.1f}, {100.0 * share:.0f} %"
+            f"{'none' if middle is None else f'{middle:.1f}'}, {100.0 * share:.0f} %"
             for middle, share in zip(row["median_cm"], row["near"], strict=True)
         )
         lines.append(f"{row['method']:<11}" + "".join(f"{cell:>13}" for cell in cells))

@@ -406,7 +406,9 @@ class Bench:
         return practised.message
 
     def _learn(self) -> str:
-        return self.client.learn(at_least=ENOUGH).message
+        # a learner that was started again hears them one after the other
+        heard = max(ENOUGH, min(self._lessons, LESSONS_OF_A_SKILL))
+        return self.client.learn(at_least=heard).message
 
     def _throw(self) -> str:
         # what the situation does not say the cameras must have seen in the world that is reset
