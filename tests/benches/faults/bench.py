@@ -123,6 +123,7 @@ class Bench:
         skill: str = THROW_SKILL,
     ):
         self._speed, self._skill = speed, load_skill(skill)
+        self._enough = ENOUGH if skill == THROW_SKILL else LESSONS_OF_A_SKILL
         self._moves = SWINGS if self._skill.speed == Speed.THROW else MOVES
         self._folder, self._graph, self._bags, self._extra = (
             folder,
@@ -248,8 +249,8 @@ class Bench:
         if case.fault == FULL_DISK:
             self._disk, self._filled = SmallDisk(self._folder / f"disk_{self._bags}"), case.node
             self._start_again(case.node)
-        elif case.node == LEARNER and case.fault == KILL and self._lessons < ENOUGH:
-            self._works(*[self._lesson] * (ENOUGH - self._lessons))
+        elif case.node == LEARNER and case.fault == KILL and self._lessons < self._enough:
+            self._works(*[self._lesson] * (self._enough - self._lessons))
         elif case.node in BYSTANDERS and case.node not in self._graph.processes:
             self._start(case.node)
             self._reach(case.node)
@@ -407,7 +408,7 @@ class Bench:
 
     def _learn(self) -> str:
         # a learner that was started again hears them one after the other
-        heard = max(ENOUGH, min(self._lessons, LESSONS_OF_A_SKILL))
+        heard = max(ENOUGH, min(self._lessons, self._enough))
         return self.client.learn(at_least=heard).message
 
     def _throw(self) -> str:
