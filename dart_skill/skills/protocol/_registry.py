@@ -45,6 +45,7 @@ PARTS = {
         "per_step": "dart_skill.skills.learning:PerStep",
         "pose": "dart_skill.skills.learning:OnManifold",
         "pose_dmp": "dart_skill.skills.learning:PosePrimitive",
+        "rhythmic": "dart_skill.skills.learning:Rhythmic",
     },
     "refinement": {
         "aim": "dart_skill.skills.learning:SolvedAim",
