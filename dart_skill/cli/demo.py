@@ -47,7 +47,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
         "The main job over the real graph: a teacher shows throws, the skill is learned, the arm"
         " throws at new baskets. The same with any other skill. Without ROS: --layout in-process."
     )
-    skills = "throw, darts, place, reach, or one of an installed package (default throw)"
+    skills = "throw, darts, place, reach, stir, or one of an installed package (default throw)"
     parser.add_argument("--skill", default=THROW, metavar="NAME", help=skills)
     thrown, also = (
         "new baskets to throw at, or trials of another skill",

@@ -26,6 +26,7 @@ OWN = {
     "darts": "dart_skill.skills.darts:Darts",
     "place": "dart_skill.skills.place:Place",
     "reach": "dart_skill.skills.reach:Reach",
+    "stir": "dart_skill.skills.stir:Stir",
     "throw": "dart_skill.skills.throw:Throw",
 }
 """Those that come with dart_skill, also where it was not installed, as in a checkout."""
