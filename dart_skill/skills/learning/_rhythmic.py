@@ -16,6 +16,7 @@ hand that is held makes the phase wait, and it goes on from there.
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -317,7 +318,7 @@ class Rhythmic(ClockedRepresentation):
 
     def movement(self, situation: Situation) -> tuple[HandPath, np.ndarray, np.ndarray]:
         turning, frame = self._asked(situation), self._frame(situation)
-        start = pose_features(*_parts(row(frame.sees(situation.pose(HAND)))))[0]
+        start = _seen_from(frame, row(situation.pose(HAND)))[0]
         path = placed(self._path(turning, start), frame)
         self._check_speed(path, turning)
         motion = PoseMotion(
@@ -407,16 +408,14 @@ def _seen_from(frame: Pose, poses: np.ndarray) -> np.ndarray:
     return pose_features(places, quaternions.product(back, poses[:, 3:]))
 
 
-def _parts(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return poses[:, :3], poses[:, 3:]
-
-
 def _resampled(at: np.ndarray, time: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Rows (n, d) at other instants (m,)."""
     return np.column_stack([np.interp(at, time, one) for one in rows.T])
 
 
 def _check(name: str, value: float, bounds: tuple[float, float], shown: str) -> None:
+    """ValueError for a number out of its bounds, with others that are within."""
     low, high = bounds
-    if not low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9):
-        raise ValueError(f"{name} is {value:g}: {shown}; ask for {low:.2f} to {high:.2f}")
+    if not low <= value <= high:
+        least, most = math.ceil(1e2 * low) / 1e2, math.floor(1e2 * high) / 1e2
+        raise ValueError(f"{name} is {value:g}: {shown}; ask for {least:.2f} to {most:.2f}")
