@@ -29,7 +29,7 @@ def test_a_person_is_chosen_by_how_a_skill_is_shown():
 def test_the_session_has_the_bodies_of_the_skill():
     session = BenchSession(load_skill("stir"), seed=1)
     seen = session.situation(session.skill.draw(np.random.default_rng(0)).pose("pot"))
-    assert set(seen.poses) == {"hand", "spoon", "pot"}
+    assert set(seen.poses) == {"spoon", "pot"}
     session.close()
 
 
