@@ -47,7 +47,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
         "The main job over the real graph: a teacher shows throws, the skill is learned, the arm"
         " throws at new baskets. The same with any other skill. Without ROS: --layout in-process."
     )
-    skills = "throw, darts, place, reach, or one of an installed package (default throw)"
+    skills = "throw, darts, place, reach, stir, or one of an installed package (default throw)"
     parser.add_argument("--skill", default=THROW, metavar="NAME", help=skills)
     thrown, also = (
         "new baskets to throw at, or trials of another skill",
@@ -82,7 +82,7 @@ def _demo(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     carried_out = _in_process if in_process else _on_graph(parser).demo
     skill = chosen_skill(parser, options.skill, options.set)
     _check_options_of_skill(options, parser, skill)
-    check_run(parser, options)
+    check_run(parser, options, _fewest(skill))
     if options.model is not None:
         options.demonstrations = 0
     say(expected(skill.words, options.demonstrations, options.throws))
@@ -99,6 +99,13 @@ def expected(words: SkillWords, demonstrations: int, trials: int) -> str:
     about = f"; about {words.demo_seconds:.0f} s on two idle cores" if is_timed else ""
     shown = counted(demonstrations, "demonstration")
     return f"{shown}, then {counted(trials, words.trial, words.trials)}{about}"
+
+
+def _fewest(skill: Skill) -> int:
+    """Fewest demonstrations that are asked for: one, where the representation learns from it."""
+    from dart_skill.skills.protocol import part_of
+
+    return min(2, part_of(skill, "representation").least(skill.settings))
 
 
 def _check_options_of_skill(

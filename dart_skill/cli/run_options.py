@@ -227,11 +227,19 @@ def add_baskets(parser: argparse.ArgumentParser, count: int | None) -> None:
     parser.add_argument("--seed", type=int, default=0, help="of where they are (default 0)")
 
 
-def check_run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    """Usage errors of the options of a run; sets its output folder."""
+def check_run(
+    parser: argparse.ArgumentParser, options: argparse.Namespace, demonstrations: int = 2
+) -> None:
+    """Usage errors of the options of a run; sets its output folder.
+
+    Parameters
+    ----------
+    demonstrations
+        Least number of them.
+    """
     for name, value, least in (
         ("seed", options.seed, 0),
-        ("demonstrations", options.demonstrations, 2),
+        ("demonstrations", options.demonstrations, demonstrations),
         ("throws", options.throws, 1),
     ):
         if value < least:

@@ -78,3 +78,9 @@ from dart_skill.movement._task_parameterised import PartialFrame as PartialFrame
 from dart_skill.movement._task_parameterised import (
     TaskParameterisedMixture as TaskParameterisedMixture,
 )
+from dart_skill.movement._turns import STARTS as STARTS
+from dart_skill.movement._turns import HarmonicCycle as HarmonicCycle
+from dart_skill.movement._turns import SoftClock as SoftClock
+from dart_skill.movement._turns import Turns as Turns
+from dart_skill.movement._turns import find_turns as find_turns
+from dart_skill.movement._turns import shift_between as shift_between

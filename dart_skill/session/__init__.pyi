@@ -3,6 +3,7 @@ from dart_skill.session._bench_and_belt import BeltSession as BeltSession
 from dart_skill.session._bench_and_belt import BenchSession as BenchSession
 from dart_skill.session._bench_and_belt import ReachingPerson as ReachingPerson
 from dart_skill.session._bench_and_belt import SkillTrial as SkillTrial
+from dart_skill.session._bench_and_belt import carrier_of as carrier_of
 from dart_skill.session._darts import BLOCK as BLOCK
 from dart_skill.session._darts import Dart as Dart
 from dart_skill.session._darts import DartsRun as DartsRun

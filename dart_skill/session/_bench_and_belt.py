@@ -4,8 +4,9 @@ judged by what the cameras see.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,7 +35,9 @@ from dart_skill.simulation import (
     PlantSettings,
     Reacher,
     Sample,
+    Stirrer,
     Workbench,
+    make_world,
 )
 from dart_skill.skills.execution import MovingBody, ReactiveGuide
 from dart_skill.skills.protocol import Skill, TaskOutcome
@@ -48,6 +51,34 @@ LOOKED = 0.5
 """The cup is looked at for so long before the arm begins [s]."""
 GLANCED = 0.2
 """The cup is looked at for so long before a person begins [s]."""
+
+
+CARRIERS: dict[str, type[Carrier]] = {"carry": Carrier, "stir": Stirrer}
+"""Simulated persons who have a body in the hand, by what `Skill.shown_by` calls them."""
+
+
+def carrier_of(skill: Skill, seed: int, person: Person | None = None) -> Carrier:
+    """The simulated person who shows a skill with a body in the hand.
+
+    Parameters
+    ----------
+    seed
+        Of what differs from one time to the next.
+    person
+        How firmly they push.
+
+    Raises
+    ------
+    ValueError
+        For a skill that is shown otherwise.
+    """
+    if skill.shown_by not in CARRIERS:
+        raise ValueError(
+            f"'{skill.name}' is shown by '{skill.shown_by}', and here a person can only"
+            f" {', '.join(CARRIERS)}"
+        )
+    kind = CARRIERS[skill.shown_by]
+    return kind(seed, person=person, part=skill.moves, **skill.person_settings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,14 +149,16 @@ class _SkillSession(StepLoop):
         if self._sees is not None:
             self._sees.see(sample.name, sample.stamp_ns, sample.position, sample.quaternion)
 
-    def _trial(self, kind: str) -> SkillTrial:
+    def _trial(self, kind: str, numbers: Mapping[str, float] = MappingProxyType({})) -> SkillTrial:
         self._deliver()
         if self._bag is not None:
             self._bag.end_of_movement()
         name = f"{kind}_{self.plant.state.episode}"
         seen = self._log.seen(name, 0, self.plant.state_stamp_ns, self.skill.name)
         begin = seen.events[0].time if seen.events else float(seen.hand_time[0])
-        outcome = self.skill.judge(seen, self.skill.situation(seen, begin))
+        there = self.skill.situation(seen, begin)
+        situation = replace(there, numbers={**there.numbers, **numbers})
+        outcome = self.skill.judge(seen, situation)
         return SkillTrial(seen, outcome, self.commander.message)
 
 
@@ -160,22 +193,22 @@ class BenchSession(_SkillSession):
         bag: SessionBag | None = None,
     ):
         of = parameters_of_arm(arm, settings)
-        plant = Workbench(
-            bench or Bench(**skill.world_settings),
-            PlantSettings.from_parameters(of("wam_simulator")),
-            seed,
-        )
+        own = skill.world_settings if bench is None else asdict(bench)
+        settings_of_plant = PlantSettings.from_parameters(of("wam_simulator"))
+        plant = make_world(skill.world, settings_of_plant, seed, own=own)
         super().__init__(skill, plant, of, seed, bag)
         self.seed = seed
-        self.carrier = Carrier(seed, person=Person.from_parameters(of("teacher")))
+        self.carrier = carrier_of(skill, seed, Person.from_parameters(of("teacher")))
 
     def show(self, situation: Situation) -> SkillTrial:
         """A person shows the movement once in a situation."""
-        return self.teach(situation.pose("holder"))
+        return self.teach(situation.pose(self.plant.movable_body))
 
     def attempt(self, learned: LearnedSkill, situation: Situation) -> SkillTrial:
         """Carry out what was learned in a situation, for what the cameras see of it."""
-        return self.execute(learned.plan(self.situation(situation.pose("holder"))))
+        seen = self.situation(situation.pose(self.plant.movable_body))
+        asked = replace(seen, numbers=situation.numbers)
+        return self.execute(learned.plan(asked), numbers=situation.numbers)
 
     def teach(self, holder: Pose, goal: Pose | None = None) -> SkillTrial:
         """A person shows the movement once.
@@ -187,7 +220,7 @@ class BenchSession(_SkillSession):
             it (`Skill.goal`).
         """
         seen = self.situation(holder)
-        stands, part = seen.pose("holder"), seen.pose("part")
+        stands, part = seen.pose(self.plant.movable_body), seen.pose(self.skill.moves)
         there = self.skill.goal(seen) if goal is None else stands.place(goal)
         self.commander.release_arm(True)
         self._sees = self.carrier
@@ -215,7 +248,11 @@ class BenchSession(_SkillSession):
         return self._log.situation_at(self._log.bodies[HAND].stamps[-1])
 
     def execute(
-        self, plan: MotionPlan, sees: Sees | None = None, push: Push = no_push
+        self,
+        plan: MotionPlan,
+        sees: Sees | None = None,
+        push: Push = no_push,
+        numbers: Mapping[str, float] = MappingProxyType({}),
     ) -> SkillTrial:
         """Carry out a plan for the situation that was seen last.
 
@@ -225,6 +262,8 @@ class BenchSession(_SkillSession):
             Whom the poses of the cameras reach, default the commander.
         push
             What is done to the arm meanwhile, default nothing.
+        numbers
+            Of the situation, which were asked for.
         """
         self._watch_anew()
         self.commander.execute(plan)
@@ -237,7 +276,7 @@ class BenchSession(_SkillSession):
             )
         finally:
             self._sees = None
-        return self._trial("trial")
+        return self._trial("trial", numbers)
 
     def _stand(self, holder: Pose) -> None:
         self.plant.stand((holder.position, holder.quaternion))

@@ -78,7 +78,7 @@ def demo(job: Job, skill: Skill, say: Say) -> RunSummary:
     kind = _KINDS.get((skill.world, skill.told_by))
     if kind is None:
         raise ValueError(
-            f"in process there are throw, darts, place and reach: '{skill.name}' needs the graph,"
+            f"in process there are throw, darts, place, reach and stir: '{skill.name}' needs the graph,"
             " so leave out --layout in-process"
         )
     if kind is _Moving:
@@ -277,5 +277,6 @@ _KINDS: dict[tuple[str, str], type[_Throwing] | type[_Moving]] = {
     ("board", "darts"): _Throwing,
     ("bench", "trials"): _Moving,
     ("belt", "trials"): _Moving,
+    ("stove", "trials"): _Moving,
 }
 """What the demo can do without nodes: world of a skill, and how it is told."""

@@ -25,6 +25,9 @@ from dart_skill.simulation._plant_settings import PlantSettings as PlantSettings
 from dart_skill.simulation._pulled_hand import PulledHand as PulledHand
 from dart_skill.simulation._pulled_hand import Pulling as Pulling
 from dart_skill.simulation._stillness import Stillness as Stillness
+from dart_skill.simulation._stirrer import Stirrer as Stirrer
+from dart_skill.simulation._stirrer import Stirring as Stirring
+from dart_skill.simulation._stove import Stove as Stove
 from dart_skill.simulation._teacher import Person as Person
 from dart_skill.simulation._teacher import Phase as Phase
 from dart_skill.simulation._teacher import Swing as Swing

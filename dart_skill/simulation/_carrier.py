@@ -149,7 +149,13 @@ class Carrier(Guiding):
         return self._in_mind[time]
 
     def _path(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Positions (n, 3) and rotations (n, 3, 3) at times (n,)."""
+        """Positions (n, 3) and rotations (n, 3, 3) of the hand at times (n,)."""
+        place, over = self._places(times)
+        turn, (offset, held) = self._turns(over), self._grip
+        return place + turn.as_matrix() @ offset, (turn * held).as_matrix()
+
+    def _places(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Positions of the part (n, 3), and how much of its turn it has made (n,), at times (n,)."""
         share = (times - 2.0 * self.carrying.wait) / self._way
         up, over, down = (
             np.array([*map(smooth, part.tolist())])
@@ -159,8 +165,7 @@ class Carrier(Guiding):
         place[:, 2] += (1.0 - over) * up * self._lift + over * (1.0 - down) * self._above
         # While both are under way, neither of the two heights is reached: over the edge of the
         # holder the part is high all the same.
-        turn, (offset, held) = self._turns(over), self._grip
-        return place + turn.as_matrix() @ offset, (turn * held).as_matrix()
+        return place, over
 
     def _button(self, time: float) -> Grip:
         c = self.carrying

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import ArmDescription, ready_posture, the_arm, with_box
+from dart_skill.common.constants import UNTURNED
 from dart_skill.simulation._arm_in_world import small_box
 from dart_skill.simulation._bullet import BulletClient, pybullet
 from dart_skill.simulation._plant import Plant, PlantState, in_principal_axes
@@ -21,6 +22,10 @@ from dart_skill.simulation._plant_settings import PlantSettings
 
 Pose = tuple[np.ndarray, np.ndarray]
 """Position (3,) [m] and quaternion (4,)."""
+Boxes = tuple[list[list[float]], list[list[float]], list[list[float]]]
+"""Half sizes [m], centres [m] and quaternions of the boxes of a body, in its frame."""
+UPRIGHT = list(UNTURNED)
+"""Quaternion of a box that stands as its body does."""
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 """A part that stands is seen from a hand that points down with its z axis against the hand's: half
 a turn about y.
@@ -156,8 +161,8 @@ class Workbench(Plant):
         """True poses of what the cameras track."""
         return {
             "hand": (self.hand_position, self.hand_quaternion),
-            "part": (np.array(self._loose.position), np.array(self._loose.quaternion)),
-            "holder": self._holder,
+            self.loose_body: (np.array(self._loose.position), np.array(self._loose.quaternion)),
+            self.movable_body: self._holder,
         }
 
     @property
@@ -212,12 +217,12 @@ class Workbench(Plant):
             self._ball, -1, restitution=0.0, lateralFriction=b.friction, linearDamping=0, angularDamping=0,
             localInertiaDiagonal=b.inertia.tolist(),
         )  # fmt: skip
-        self._fixed(world, [[0.45, 0.9, 0.02]], [[0.8, 0.0, self._table - 0.02]])
-        self._holder_body = self._fixed(world, *self._walls(), self._holder)
+        self._fixed(world, [[0.45, 0.9, 0.02]], [[0.8, 0.0, self._table - 0.02]], [UPRIGHT])
+        self._holder_body = self._fixed(world, *self._walls(), pose=self._holder)
 
-    def _walls(self) -> tuple[list[list[float]], list[list[float]]]:
-        """Half sizes and centres of the boxes that a holder is made of, in its own frame: a floor
-        and four walls.
+    def _walls(self) -> Boxes:
+        """Half sizes, centres and quaternions of the boxes that a holder is made of, in its own
+        frame: a floor and four walls.
         """
         b = self.bench
         inner = 0.5 * np.array(b.size[:2]) + b.clearance
@@ -235,18 +240,22 @@ class Workbench(Plant):
             [0.0, y, half],
             [0.0, -y, half],
         ]
-        return sizes, centres
+        return sizes, centres, [UPRIGHT] * len(sizes)
 
     def _fixed(
         self,
         world: BulletClient,
         sizes: list[list[float]],
         centres: list[list[float]],
+        turns: list[list[float]],
         pose: Pose | None = None,
     ) -> int:
         """A body of boxes that nothing moves."""
         shape = world.createCollisionShapeArray(
-            [pybullet.GEOM_BOX] * len(sizes), halfExtents=sizes, collisionFramePositions=centres
+            [pybullet.GEOM_BOX] * len(sizes),
+            halfExtents=sizes,
+            collisionFramePositions=centres,
+            collisionFrameOrientations=turns,
         )
         position, quaternion = pose or (np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
         body = world.createMultiBody(0, shape, -1, position.tolist(), quaternion.tolist())

@@ -13,9 +13,9 @@ import numpy as np
 from dart_skill.simulation._plant import Plant
 from dart_skill.simulation._plant_settings import Board, PlantSettings
 
-WORLDS = ("basket", "board", "bench", "belt")
+WORLDS = ("basket", "board", "bench", "belt", "stove")
 """A ball in the hand, and a basket; a dart, and a board; a part on a table, and a holder into
-which it fits; a cup on a belt, and an empty hand.
+which it fits; a cup on a belt, and an empty hand; a spoon in the hand, and a pot.
 """
 CHANGES: dict[str, dict[str, Any]] = {
     "none": {},
@@ -79,8 +79,8 @@ def make_world(
     ValueError
         Names one that is none, or another world.
     """
-    if name == "bench":
-        return _workbench(settings, seed, own or {})
+    if name in ("bench", "stove"):
+        return _workbench(name, settings, seed, own or {})
     _check_own(name, own or {}, set())
     if name == "basket":
         return Plant(settings, seed)
@@ -94,11 +94,14 @@ def make_world(
     raise ValueError(f"no world '{name}': choose one of {', '.join(WORLDS)}")
 
 
-def _workbench(settings: PlantSettings, seed: int, own: Mapping[str, Any]) -> Plant:
-    from dart_skill.simulation._workbench import Bench, Workbench  # with rotations of SciPy, too
+def _workbench(name: str, settings: PlantSettings, seed: int, own: Mapping[str, Any]) -> Plant:
+    # with rotations of SciPy, too
+    from dart_skill.simulation._stove import Stove
+    from dart_skill.simulation._workbench import Bench, Workbench
 
-    _check_own("bench", own, {one.name for one in fields(Bench)})
-    return Workbench(Bench(**own), settings, seed)
+    _check_own(name, own, {one.name for one in fields(Bench)})
+    kind = Stove if name == "stove" else Workbench
+    return kind(Bench(**own), settings, seed)
 
 
 def _check_own(name: str, own: Mapping[str, Any], known: set[str]) -> None:

@@ -383,6 +383,7 @@ TYPED = {
     "ros2 launch dart_skill throwing.launch.py skill:=place": FULL_ROS,
     "ros2 action send_goal /execute dart_skill_msgs/action/Execute": FULL_ROS,
     'ros2 action send_goal /execute dart_skill_msgs/action/Execute "{}" --feedback': FULL_ROS,
+    'ros2 action send_goal /execute dart_skill_msgs/action/Execute "{situation: {names: [frequency, turns], numbers: [0.9, 8.0]}}"': FULL_ROS,
     "ros2 service call /simulation/reset dart_skill_msgs/srv/Reset": FULL_ROS,
     "ros2 launch dart_skill hardware.launch.py": FULL_ROS,
     "ros2 launch dart_skill hardware.launch.py bridge:=true": FULL_ROS,
@@ -670,6 +671,12 @@ TYPED = {
     ),
     "dart-skill experiment reach --jobs 2": Run(
         "--seeds 1 --cups 1 --demonstrations 3 --held 1", says="the phase goes on by", slow=True
+    ),
+    "dart-skill experiment stir --jobs 2 --pots 2": Run(
+        "--seeds 1 --pots 1 --held 0", says="of 1 pots are stirred", slow=True
+    ),
+    "dart-skill demo --skill stir --demonstrations 1 --layout in-process": Run(
+        "--trials 1", says="stir 1/1: pot", slow=True
     ),
     "dart-skill experiment throws --arms panda --seeds 5": Run(
         "--seeds 1 --demonstrations 5 --throws 1", says="default .* 1/1", slow=True

@@ -20,6 +20,7 @@ EXPERIMENTS = (
     ball_throws.add_compliance,
     pose_skills.add_place,
     pose_skills.add_reach,
+    pose_skills.add_stir,
     thesis.add_real_data,
     thesis.add_rivals,
     thesis.add_figure,

@@ -85,7 +85,9 @@ def add_arm(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_pose_skill(parser: argparse.ArgumentParser, tried: str, one: str) -> None:
+def add_pose_skill(
+    parser: argparse.ArgumentParser, tried: str, one: str, demonstrations: int = 8
+) -> None:
     """Add the options of an experiment with a skill of poses.
 
     Parameters
@@ -96,11 +98,16 @@ def add_pose_skill(parser: argparse.ArgumentParser, tried: str, one: str) -> Non
         What each seed tries, in the plural, the name of the option.
     one
         What a line of the JSON is about.
+    demonstrations
+        Default of their number.
     """
     parser.add_argument("--seeds", type=positive, default=10, help="how many (default 10)")
     add_first_seed(parser)
     parser.add_argument(
-        "--demonstrations", type=int, default=8, help="that are learned from (default 8)"
+        "--demonstrations",
+        type=int,
+        default=demonstrations,
+        help=f"that are learned from (default {demonstrations})",
     )
     parser.add_argument(f"--{tried}", type=positive, default=10, help="for each seed (default 10)")
     add_arm(parser)

@@ -1,4 +1,4 @@
-"""`dart-skill experiment place` and `reach`: skills of poses, in situations that were not
+"""`dart-skill experiment place`, `reach` and `stir`: skills of poses, in situations that were not
 shown."""
 
 from __future__ import annotations
@@ -80,3 +80,35 @@ def _reach(options: argparse.Namespace) -> int:
         settings=tuple(options.set),
     )
     return show(reached, pose_skills.reach_table, options.json)
+
+
+def add_stir(experiments: argparse._SubParsersAction) -> None:
+    """Add `stir` to the experiments of `dart-skill experiment`."""
+    parser = experiments.add_parser(
+        "stir", help="stir in pots that stand elsewhere, also while the hand is held"
+    )
+    add_pose_skill(parser, "pots", "pot", demonstrations=1)
+    parser.add_argument(
+        "--held",
+        type=int,
+        default=1,
+        help="of the pots again with a hand that is held for a second (default 1)",
+    )
+    parser.set_defaults(run=_stir)
+
+
+def _stir(options: argparse.Namespace) -> int:
+    from dart_skill.experiments.parallel import all_of
+    from dart_skill.experiments.studies import stirring
+
+    stirred = all_of(
+        stirring.stir_seed,
+        range(options.first_seed, options.first_seed + options.seeds),
+        options.jobs,
+        demonstrations=options.demonstrations,
+        pots=options.pots,
+        held=options.held,
+        arm=options.arm,
+        settings=tuple(options.set),
+    )
+    return show(stirred, stirring.stir_table, options.json)

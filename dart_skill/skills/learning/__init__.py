@@ -50,6 +50,7 @@ from dart_skill.skills.learning._representation import (
     PerStep,
     Representation,
 )
+from dart_skill.skills.learning._rhythmic import AMPLITUDE, FREQUENCY, TURNS, Rhythmic
 from dart_skill.skills.learning._strain import strain, strained, strained_in_words
 from dart_skill.skills.learning._task_frames import frames_for
 from dart_skill.skills.learning._throw_model import ThrowModel, credence_of
@@ -71,6 +72,7 @@ from dart_skill.skills.protocol import (
 
 __all__ = [
     "AIM_TOLERANCE",
+    "AMPLITUDE",
     "Autonomous",
     "CONFIGURATIONS",
     "ClockedRepresentation",
@@ -78,6 +80,7 @@ __all__ = [
     "DEFAULT",
     "EARLIEST_RELEASE",
     "EqualIntervals",
+    "FREQUENCY",
     "FarthestRelease",
     "FirstAim",
     "FoundComponents",
@@ -98,10 +101,12 @@ __all__ = [
     "REACH_MARGIN",
     "Refinement",
     "Representation",
+    "Rhythmic",
     "SIDE_MARGIN",
     "SavedModel",
     "SolvedAim",
     "SolvedFlight",
+    "TURNS",
     "ThrowModel",
     "ThrowSettings",
     "ThrowingSkill",

@@ -300,7 +300,7 @@ class LearnedSkill:
             speed=self.skill.speed,
             pace=self.encoded.pace(path, _held(self.events, path.time)),
             registration=self.registration,
-            posture=self._postures(path),
+            posture=self._postures(path, self.encoded.shown_at(aimed, path.time)),
         )
         return self.skill.refine(plan, aimed, self)
 
@@ -332,16 +332,16 @@ class LearnedSkill:
         motion = Motion(path.position, path.velocity[:, :3], path.acceleration[:, :3])
         return attractor_with_gains(motion, stiffness, damping), GainsOverTime(stiffness, damping)
 
-    def _postures(self, path: HandPath) -> np.ndarray:
-        """What the arm's free motion aims at along a path (n, 7): the mean of what was shown,
-        turned about the base to where the hand is.
+    def _postures(self, path: HandPath, shown_at: np.ndarray) -> np.ndarray:
+        """What the arm's free motion aims at along a path (n, 7): the mean of what was shown at
+        instants (n,) [s], turned about the base to where the hand is.
 
         The hand leaves one freedom to seven joints. The person who guided the arm decided on it,
         too.
         """
         shown = []
         for one in self._with_joints:
-            time = path.time * one.duration / self.duration
+            time = shown_at * one.duration / self.duration
             postures, at = (
                 one.postures(time),
                 np.searchsorted(one.time, time).clip(max=len(one.time) - 1),

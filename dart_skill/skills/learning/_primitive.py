@@ -206,14 +206,14 @@ class Primitives(ClockedRepresentation, Generic[AnyPrimitive]):
         would have been in the situation.
         """
         frame = self._goal_frame(situation)
-        local = self._features(_row(frame.sees(situation.pose(HAND))))[0]
+        local = self._features(row(frame.sees(situation.pose(HAND))))[0]
         path = self._laid_out(self._begin(local), self._clock)[:, :3]
         rows: np.ndarray = np.stack([path + left[:, :3] for left in self._left])
         rows = frame.position + rows @ frame.rotation.T
         time = np.broadcast_to(self._clock[:, None], (*rows.shape[:2], 1))
         samples = np.concatenate([time, rows], axis=2).reshape(-1, 4)
         weights = self.primitive.activations(self._clock / self._clock[-1])
-        return _gaussians(samples, np.tile(weights, (len(rows), 1)))
+        return gaussians(samples, np.tile(weights, (len(rows), 1)))
 
     def way(self, movement: PreparedMovement, clock: np.ndarray) -> np.ndarray:
         if not self.reacts:
@@ -231,8 +231,8 @@ class Primitives(ClockedRepresentation, Generic[AnyPrimitive]):
     def movement(self, situation: Situation) -> tuple[HandPath, np.ndarray, np.ndarray]:
         frame, start = self._goal_frame(situation), situation.pose(HAND)
         clock = to_the_nanosecond(np.arange(0.0, self.shown.clock_end, self.settings.step))
-        local = self._path(self._features(_row(frame.sees(start)))[0], clock)
-        path = _placed(local, frame)
+        local = self._path(self._features(row(frame.sees(start)))[0], clock)
+        path = placed(local, frame)
         motion = PoseMotion(
             np.hstack([path.position, path.quaternion]), path.velocity, path.acceleration
         )
@@ -338,11 +338,11 @@ def _origin(frame: TaskFrame) -> np.ndarray:
     return frame.b[-3:]
 
 
-def _row(pose: Pose) -> np.ndarray:
+def row(pose: Pose) -> np.ndarray:
     return np.concatenate([pose.position, pose.quaternion])[None]
 
 
-def _placed(path: HandPath, frame: Pose) -> HandPath:
+def placed(path: HandPath, frame: Pose) -> HandPath:
     """A path in a frame, in the world."""
     turn = frame.quaternion
     rates = (
@@ -360,7 +360,7 @@ def _fields(kind: type[PrimitiveCourse], arrays: dict[str, np.ndarray]) -> dict[
     }
 
 
-def _gaussians(samples: np.ndarray, weights: np.ndarray) -> GaussianMixture:
+def gaussians(samples: np.ndarray, weights: np.ndarray) -> GaussianMixture:
     """A Gaussian for each column of weights (n, k) of samples (n, d)."""
     shares = weights / weights.sum(0)
     means = shares.T @ samples

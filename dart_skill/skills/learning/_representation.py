@@ -205,6 +205,12 @@ class ClockedRepresentation(Representation):
         """
         return None
 
+    def shown_at(self, situation: Situation, time: np.ndarray) -> np.ndarray:
+        """Instants (n,) [s] of the mean movement at which was shown what a plan for a situation does
+        at others (n,). Default: the same.
+        """
+        return time
+
     def covariance(self, situation: Situation, time: np.ndarray) -> np.ndarray:
         """Covariance of the attractor's position (n, 3, 3) [m^2] at instants (n,) [s], (3.5)."""
         raise NotImplementedError

@@ -26,6 +26,7 @@ OWN = {
     "darts": "dart_skill.skills.darts:Darts",
     "place": "dart_skill.skills.place:Place",
     "reach": "dart_skill.skills.reach:Reach",
+    "stir": "dart_skill.skills.stir:Stir",
     "throw": "dart_skill.skills.throw:Throw",
 }
 """Those that come with dart_skill, also where it was not installed, as in a checkout."""
@@ -45,6 +46,7 @@ PARTS = {
         "per_step": "dart_skill.skills.learning:PerStep",
         "pose": "dart_skill.skills.learning:OnManifold",
         "pose_dmp": "dart_skill.skills.learning:PosePrimitive",
+        "rhythmic": "dart_skill.skills.learning:Rhythmic",
     },
     "refinement": {
         "aim": "dart_skill.skills.learning:SolvedAim",

@@ -72,7 +72,7 @@ class SkillSettings:
         whose components have equal intervals of time; "dsgmr", EM finds them; "pose", on the
         manifold of positions and orientations; "per_step", a Gaussian at each step of time there;
         "autonomous", driven by the state of the arm; "dmp" and "pose_dmp", movement primitives, of
-        which `components` are the kernels.
+        which `components` are the kernels; "rhythmic", one that repeats.
     refinement
         Name of what is solved for before a plan is made: "none"; of what is thrown, "aim",
         "release" or both, "flight".

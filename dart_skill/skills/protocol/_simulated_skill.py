@@ -21,10 +21,17 @@ class SimulatedSkill(SkillBase):
 
     @property
     def shown_by(self) -> str:
-        """How a simulated person shows it: "carry" the first body to its goal, "follow" the body
-        that moves, or "swing". Default: "follow" if it reacts, else "carry".
+        """How a simulated person shows it: "carry" the first body to its goal, "stir" with it there,
+        "follow" the body that moves, or "swing". Default: "follow" if it reacts, else "carry".
         """
         return "follow" if self.reacts else "carry"
+
+    @property
+    def person_settings(self) -> Mapping[str, Any]:
+        """What a simulated person who carries its first body takes from its settings, by name: of
+        one who stirs, fields of `simulation.Stirring`. Default: nothing.
+        """
+        return {}
 
     @property
     def world_settings(self) -> Mapping[str, Any]:

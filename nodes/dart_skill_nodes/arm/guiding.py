@@ -102,9 +102,9 @@ class CarryShowing(Showing):
 
     def _make_person(self, seed: int, person: Person) -> Any:
         # with rotations of SciPy, which a teacher of throws does without
-        from dart_skill.simulation import Carrier
+        from dart_skill.session import carrier_of
 
-        return Carrier(seed, person=person, part=self._skill.moves)
+        return carrier_of(self._skill, seed, person)
 
     def forget(self) -> None:
         self._person.forget()
@@ -124,6 +124,12 @@ class CarryShowing(Showing):
         over = self._person.done(state)
         self.phase = "waiting" if over else self.word
         return over
+
+
+class StirShowing(CarryShowing):
+    """A person who goes round with the first body of a skill."""
+
+    word = "stirring"
 
 
 class ReachShowing(CarryShowing):
@@ -195,7 +201,12 @@ class PointerShowing(Showing):
         self._person.let_go()
 
 
-SHOWINGS = {"swing": ThrowShowing, "carry": CarryShowing, "follow": ReachShowing}
+SHOWINGS = {
+    "swing": ThrowShowing,
+    "carry": CarryShowing,
+    "stir": StirShowing,
+    "follow": ReachShowing,
+}
 """Ways of a simulated person, by what `Skill.shown_by` calls them."""
 
 

@@ -321,7 +321,9 @@ class GraphClient(BlockingCalls):
         """The same, once the arm moves."""
         stamp = self.carry_out(self._sequence.reset(situation), "the reset")
         if look:
-            situation, stamp = self.carry_out(self._sequence.look(), "a look at the bodies")
+            situation, stamp = self.carry_out(
+                self._sequence.look(situation), "a look at the bodies"
+            )
         return self.carry_out(
             self._sequence.begin(situation, stamp), "the beginning of the movement"
         )

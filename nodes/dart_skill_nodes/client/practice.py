@@ -199,7 +199,7 @@ class Practising:
             await self._recorder.start(lambda: self.sequence.hold(False))
         stamp = await self.sequence.reset(situation)
         if self._choice.looks:
-            return await self.sequence.look()
+            return await self.sequence.look(situation)
         if situation is not None:
             return situation, stamp
         if not self._skill.situated:

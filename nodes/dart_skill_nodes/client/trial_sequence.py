@@ -79,15 +79,18 @@ class TrialSequence:
                 " hardware does"
             ) from failure
 
-    async def look(self) -> tuple[Situation, Time]:
+    async def look(self, asked: Situation | None = None) -> tuple[Situation, Time]:
         """Where the cameras see the bodies of the skill, in a held world that goes on for a
-        moment; and the stamp of its state then.
+        moment, with the numbers that are asked for; and the stamp of its state then.
         """
         stamp = Time()
         if self._simulated():
             stamp = (await self._calls.call(self._step, Step.Request(steps=LOOK_STEPS))).stamp
         until_ns = max(0, conversions.stamp_ns(stamp) - ARRIVAL_NS)
-        return await self._recorder.look(until_ns), stamp
+        seen = await self._recorder.look(until_ns)
+        if asked is not None:
+            seen.names, seen.numbers = asked.names, asked.numbers
+        return seen, stamp
 
     async def begin(
         self,

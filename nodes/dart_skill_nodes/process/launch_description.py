@@ -30,7 +30,7 @@ ARGUMENTS = {
         str,
         "",
         (
-            "throw, darts, place, reach, or one of an installed package; empty: as"
+            "throw, darts, place, reach, stir, or one of an installed package; empty: as"
             " config/world.yaml says"
         ),
     ),

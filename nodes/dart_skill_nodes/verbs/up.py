@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--skill",
         default="",
         metavar="NAME",
-        help="throw, darts, place, reach, or one that is installed (default throw)",
+        help="throw, darts, place, reach, stir, or one that is installed (default throw)",
     )
     parser.add_argument(
         "--seed",

@@ -24,7 +24,7 @@ LAYERS = (
     {"skills.learning", "arm.check"},
     {"skills.practice"},
     {"skills.throw"},
-    {"skills.darts", "skills.place", "skills.reach"},
+    {"skills.darts", "skills.place", "skills.reach", "skills.stir"},
     {"session"},
     {"figures", "view"},
     {"report"},

@@ -376,7 +376,7 @@ MISSING = {
         ("learn", str(BAGS / "demonstrations")),
         SMALL_DEMO,
         ("experiment", "repeatability"),
-        *((*SMALL_DEMO, "--skill", skill) for skill in ("darts", "place", "reach")),
+        *((*SMALL_DEMO, "--skill", skill) for skill in ("darts", "place", "reach", "stir")),
     ],
     "plot": [
         ("report", str(BAGS / "throws")),
@@ -393,7 +393,7 @@ MISSING = {
                 "compliance",
             )
         ),
-        *(("experiment", name) for name in ("place", "reach")),
+        *(("experiment", name) for name in ("place", "reach", "stir")),
         ("experiment", "figure", "7.1"),
     ],
 }

@@ -68,7 +68,7 @@ def end_error(plan, situation):
 # by name
 
 
-@pytest.mark.parametrize("name", ["throw", "darts", "place", "reach"])
+@pytest.mark.parametrize("name", ["throw", "darts", "place", "reach", "stir"])
 @pytest.mark.parametrize("kind", ["representation", "refinement", "practice", "targets"])
 def test_every_part_that_is_offered_can_be_chosen(name, kind):
     skill = load_skill(name)

@@ -211,10 +211,11 @@ def test_a_skill_of_ours_is_found_without_a_look_at_what_is_installed(monkeypatc
         "dart_skill.skills.protocol._registry.metadata.entry_points",
         lambda **_: pytest.fail("it looked"),
     )
-    assert [skill_type(name).name for name in ("darts", "place", "reach", "throw")] == [
+    assert [skill_type(name).name for name in ("darts", "place", "reach", "stir", "throw")] == [
         "darts",
         "place",
         "reach",
+        "stir",
         "throw",
     ]
 
@@ -250,7 +251,7 @@ def test_a_skill_that_cannot_be_used_is_refused_with_the_reason(
         load_skill("thing")
 
 
-@pytest.mark.parametrize("name", ["throw", "darts", "place", "reach"])
+@pytest.mark.parametrize("name", ["throw", "darts", "place", "reach", "stir"])
 def test_a_skill_has_the_numbers_of_its_world(name):
     """Else a trial in a situation that it draws itself would be refused."""
     skill = load_skill(name)

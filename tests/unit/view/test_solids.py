@@ -91,7 +91,7 @@ def test_a_solid_that_is_none_is_refused(kind, lengths, why):
         Solid(kind, lengths)
 
 
-@pytest.mark.parametrize("name", ["darts", "place", "reach"])
+@pytest.mark.parametrize("name", ["darts", "place", "reach", "stir"])
 def test_a_scene_shows_the_bodies_of_its_skill(server, name):
     server.scene.reset()
     skill = load_skill(name)
