@@ -139,6 +139,12 @@ class Commander:
         """Whether a motion is under way, from the approach to the end of the follow-through."""
         return self._requested is not None or self.mode in UNDER_WAY
 
+    def prepare(self, plan: MotionPlan) -> None:
+        """Do what `execute` needs and what takes long; it may be done in a thread of its own.
+
+        Torques need nothing.
+        """
+
     def execute(self, plan: MotionPlan) -> None:
         """Begin a planned motion with the next state.
 

@@ -111,7 +111,8 @@ def way_to(start: np.ndarray, posture: np.ndarray, duration: float) -> JointTraj
     """
     time = np.linspace(0.0, duration, max(2, round(duration / (EVERY * STEP)) + 1))
     rows = [minimum_jerk(start, posture, duration, float(at)) for at in time]
-    return JointTrajectory(time, *(np.array(part) for part in zip(*rows, strict=True)))
+    q, qd, qdd = (np.array(part) for part in zip(*rows, strict=True))
+    return JointTrajectory(time, q, qd, qdd)
 
 
 def planned_trajectory(
@@ -142,7 +143,8 @@ def planned_trajectory(
     if plan.speed == Speed.THROW:
         rows = _exact_at_events(plan, time, rows[1], description)
     check = TrajectoryLimits(settings, description)
-    moved = JointTrajectory(time, *rows, plan.events, plan.carries)
+    q, qd, qdd = rows
+    moved = JointTrajectory(time, q, qd, qdd, plan.events, plan.carries)
     if broken := check.broken(moved):
         raise PlanRefused(f"{broken[1]}: {_remedy(plan)}")
     tried = []

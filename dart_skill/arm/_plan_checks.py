@@ -4,6 +4,7 @@ counts for it, and whether the arm can follow it.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -110,7 +111,9 @@ class CommanderSettings:
     def from_parameters(cls, parameters: Mapping) -> "CommanderSettings":
         """Settings from the parameters of the commander node."""
         own = {f.name: parameters[f.name] for f in fields(cls) if f.name not in PARTS}
-        parts = {name: kind.from_parameters(parameters) for name, kind in PARTS.items()}
+        parts: dict[str, Any] = {
+            name: kind.from_parameters(parameters) for name, kind in PARTS.items()
+        }
         return cls(**own, **parts)
 
     @classmethod

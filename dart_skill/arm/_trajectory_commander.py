@@ -41,6 +41,11 @@ ON_A_PATH = (Mode.MOVING, Mode.APPROACHING, Mode.EXECUTING, Mode.FOLLOWING_THROU
 class TrajectoryController(Protocol):
     """Moves the joints along a path. One path at a time: a new one takes the place of the last."""
 
+    @property
+    def has_taken(self) -> bool:
+        """Whether it knows the newest path, so that the arm moves when that begins."""
+        ...
+
     def follow(
         self, trajectory: JointTrajectory, start_ns: int, ended: Callable[[str], None]
     ) -> None:
@@ -69,6 +74,8 @@ class TrajectoryController(Protocol):
 
 class NoController:
     """A `TrajectoryController` of an arm that is not there, for rehearsals."""
+
+    has_taken = True
 
     def follow(
         self, trajectory: JointTrajectory, start_ns: int, ended: Callable[[str], None]
@@ -119,8 +126,7 @@ class TrajectoryCommander(Commander):
         self.lag, self._period, self._stamp_ns = 0.0, 0.0, 0
 
     def prepare(self, plan: MotionPlan) -> None:
-        """Make the path of a plan, which takes about a second for a throw, before `execute` needs
-        it. It may be done in a thread of its own.
+        """See `Commander`: the path of a throw takes a second.
 
         Raises
         ------
@@ -277,6 +283,12 @@ class TrajectoryCommander(Commander):
     def _watch(self, state: ArmState, under_way: UnderWay) -> None:
         """How late the arm is, and whether it leaves its path."""
         limits, time = self.settings.trajectory, self._on_the_path(state, under_way)
+        if state.stamp_ns > under_way.start_ns and not self._controller.has_taken:
+            self.stop(
+                "the arm's controller has not answered before the motion begins: is it active? Else"
+                f" raise trajectory_lead, which is {limits.trajectory_lead:g} s"
+            )
+            return
         expected, speed = under_way.trajectory.at(time)
         off = expected - state.position
         if (square := float(speed @ speed)) > MOVES**2:

@@ -59,7 +59,7 @@ class SimulatedController:
     """
 
     def __init__(self, position: np.ndarray, settings: ControllerSettings | None = None):
-        self.settings = settings or ControllerSettings()
+        self.settings, self.has_taken = settings or ControllerSettings(), True
         self._period_ns = round(1e9 / self.settings.rate)
         self.told = Grip.UNSPECIFIED
         self._now_ns: int | None = None
@@ -162,12 +162,8 @@ class SimulatedController:
         off, slower = self.position - arm.position, self.velocity - arm.velocity
         inertia = model.mass_matrix(arm.position)
         torque = inertia @ (STIFFNESS * off + DAMPING * slower)
-        return Command(arm.stamp_ns, joint_torque=torque + model.coriolis_torque(*arm_of(arm)))
-
-
-def arm_of(arm: ArmState) -> tuple[np.ndarray, np.ndarray]:
-    """Angles and speeds of a state."""
-    return arm.position, arm.velocity
+        torque += model.coriolis_torque(arm.position, arm.velocity)
+        return Command(arm.stamp_ns, joint_torque=torque)
 
 
 def quintic(trajectory: JointTrajectory, k: int, time: float) -> np.ndarray:
