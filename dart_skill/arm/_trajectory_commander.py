@@ -30,6 +30,10 @@ ENDS_LATE = 2.0
 """A controller says so long after the end of a trajectory at the latest that the arm is there [s]."""
 MOVES = 0.2
 """Speed of the joints together from which it shows how late the arm is [rad/s]."""
+SLOWER = 0.5
+"""Share of its fastest so far below which an arm that is braked shows it no more: what it is behind does
+not become less as fast as its speed.
+"""
 TRUSTED = 0.3
 """Share of what a state says about that by which it is corrected."""
 LONGEST_PERIOD = 0.05
@@ -123,7 +127,8 @@ class TrajectoryCommander(Commander):
         self._planned: JointTrajectory | None = None  # until it is sent
         self._prepared: tuple[MotionPlan, JointTrajectory] | None = None
         self._fingers, self._told = Fingers((), False), Grip.UNSPECIFIED
-        self.lag, self._period, self._stamp_ns = 0.0, 0.0, 0
+        self.lag, self._usual_lag, self._period, self._stamp_ns = 0.0, 0.0, 0.0, 0
+        self._peak = 0.0  # speed of the joints together so far, on the path under way [rad/s]
 
     def prepare(self, plan: MotionPlan) -> None:
         """See `Commander`: the path of a throw takes a second.
@@ -253,7 +258,7 @@ class TrajectoryCommander(Commander):
         if self._period:
             lead = np.ceil(lead / self._period) * self._period
         start_ns = state.stamp_ns + round(1e9 * (lead - told - self.lag))
-        self._under_way = UnderWay(trajectory, start_ns)
+        self._under_way, self._peak = UnderWay(trajectory, start_ns), 0.0
         self._controller.follow(trajectory, start_ns, partial(self._ended, trajectory))
 
     def _ended(self, trajectory: JointTrajectory, error: str) -> None:
@@ -261,12 +266,15 @@ class TrajectoryCommander(Commander):
         if self._under_way is None or self._under_way.trajectory is not trajectory:
             return
         self._under_way = None
-        if error:
+        if not error:
+            self._usual_lag = self.lag
+        else:
+            self.lag = self._usual_lag
             self.stop(f"the arm's controller gave the motion up: {error}")
 
     def _cancel(self) -> None:
         if self._under_way is not None:
-            self._under_way = None
+            self._under_way, self.lag = None, self._usual_lag
             self._controller.cancel()
 
     def _on_the_path(self, state: ArmState, under_way: UnderWay) -> float:
@@ -291,8 +299,11 @@ class TrajectoryCommander(Commander):
             return
         expected, speed = under_way.trajectory.at(time)
         off = expected - state.position
-        if (square := float(speed @ speed)) > MOVES**2:
-            self.lag += TRUSTED * float(off @ speed) / square
+        along = float(np.linalg.norm(speed))
+        self._peak = max(self._peak, along)
+        shows = along > max(MOVES, SLOWER * self._peak)
+        if shows:
+            self.lag += TRUSTED * float(off @ speed) / along**2
         j = int(np.abs(off).argmax())
         if abs(off[j]) > limits.trajectory_tolerance:
             self.stop(
@@ -300,7 +311,7 @@ class TrajectoryCommander(Commander):
                 f" farther than {limits.trajectory_tolerance:g} rad: does something hold the arm,"
                 " or does its controller run?"
             )
-        elif self.lag > limits.longest_lag:
+        elif shows and self.lag > limits.longest_lag:
             self.stop(
                 f"the arm is {self.lag:.2f} s late on its trajectory, later than"
                 f" {limits.longest_lag:g} s: is the speed of its pendant at 100 %?"

@@ -20,6 +20,8 @@ STIFFNESS, DAMPING = 6400.0, 160.0
 """Of the drives per unit of inertia [1/s^2], [1/s]: they swing with 80 rad/s, critically damped."""
 
 
+CREEPS = 0.02
+"""Speed from which its direction tells that of the friction [rad/s]."""
 LONGEST_STEP = 0.1
 """After a longer time the controller begins anew, where the arm is [s]."""
 
@@ -132,7 +134,7 @@ class SimulatedController:
         off, over = self._next - position, time > self._trajectory.duration
         if not over and np.abs(off).max() > self.settings.path_tolerance:
             self._end(f"joint {int(np.abs(off).argmax()) + 1} violates the path tolerance")
-            self._next = position.copy()
+            self._next = self.position.copy()
         elif over and np.abs(off).max() <= self.settings.goal_tolerance:
             self._end("")
 
@@ -152,7 +154,8 @@ class SimulatedController:
         return quintic(trajectory, k, time - trajectory.time[k])
 
     def command(self, arm: ArmState, model: ArmModel) -> Command:
-        """What the drives do in a state of a simulated arm that takes torques.
+        """What the drives do in a state of a simulated arm that takes torques. They know their friction:
+        where that of a URDF is estimated, wrists of little inertia would stick else.
 
         Parameters
         ----------
@@ -163,6 +166,10 @@ class SimulatedController:
         inertia = model.mass_matrix(arm.position)
         torque = inertia @ (STIFFNESS * off + DAMPING * slower)
         torque += model.coriolis_torque(arm.position, arm.velocity)
+        coulomb, viscous = (
+            model.description.of_joints(f"{kind}_friction") for kind in ("coulomb", "viscous")
+        )
+        torque += coulomb * np.tanh(self.velocity / CREEPS) + viscous * self.velocity
         return Command(arm.stamp_ns, joint_torque=torque)
 
 

@@ -27,11 +27,10 @@ from dart_skill.arm import JointTrajectory, the_arm
 from dart_skill.simulation import ControllerSettings, SimulatedController
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LATCHED
+from tests.integration.trajectory_names import ACTION, START
 
-START = np.array([0.0, -0.90, 0.0, -0.75, 0.0, -0.35, 0.0])
 AGAIN = 0.1
 """Time after which a state that is not answered is told again [s, wall clock]."""
-ACTION = "/joint_trajectory_controller/follow_joint_trajectory"
 
 
 class StandIn(Node):

@@ -244,6 +244,7 @@ def test_an_arm_that_is_held_is_stopped_with_the_name_of_its_joint(plan):
     arm = begun(plan)
     arm.held = True
     arm.until(lambda: not arm.commander.executing, 300)
+    assert arm.commander.lag < 0.01, "the next motion must not be stopped for this one"
     assert "is the speed of its pendant at 100 %" in arm.commander.message or (
         "rad from its trajectory" in arm.commander.message
     )
