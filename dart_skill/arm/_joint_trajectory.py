@@ -47,8 +47,12 @@ MISSED = 0.005, 0.05
 """Distance [m] and difference of speed [m/s] at an event above which a plan is refused: they move a
 landing by 2 to 4 cm.
 """
-BRAKES = (0.3, 0.25, 0.2, 0.15, 0.1, 0.4, 0.5, 0.7, 1.0)
-"""Times in which the arm may be braked at the end of a motion, in the order in which they are tried [s]."""
+LATE = 0.03
+"""A throw is followed for so long after its end, in which late fingers let go [s]."""
+BRAKES = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0)
+"""Times in which the arm may be braked at the end of a motion, in the order in which they are tried [s]:
+a ball that flies over the hand, as of an arm that throws over its base, needs it out of the way.
+"""
 SOONEST = 0.1
 """A joint near the end of its range is braked within at least so long [s]."""
 
@@ -141,7 +145,8 @@ def planned_trajectory(
     rows = [np.array(part) for part in zip(*_moved(plan, settings, description), strict=True)]
     time = STEP * np.arange(len(rows[0]))
     if plan.speed == Speed.THROW:
-        rows = _exact_at_events(plan, time, rows[1], description)
+        time = time[time <= plan.end + LATE]
+        rows = _exact_at_events(plan, time, rows[1][: len(time)], description)
     check = TrajectoryLimits(settings, description)
     q, qd, qdd = rows
     moved = JointTrajectory(time, q, qd, qdd, plan.events, plan.carries)

@@ -99,6 +99,11 @@ class StepLoop:
         log: SensorLog,
         controller: SimulatedController | None = None,
     ):
+        if commander.settings.output == "trajectory" and controller is None:
+            raise ValueError(
+                "output is 'trajectory', and the simulated arm takes torques here: only `dart-skill"
+                " experiment throws --trajectory RATE` has a controller of trajectories"
+            )
         self.plant, self.commander, self.capture = plant, commander, cameras
         self._bag, self._log, self._geometry = bag, log, ArmGeometry()
         self._frame_steps = round(1e9 / cameras.config.rate / plant.settings.step_ns)

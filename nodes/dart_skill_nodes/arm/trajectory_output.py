@@ -113,7 +113,9 @@ class TrajectoryOutput:
         elif result.error_code == result.SUCCESSFUL:
             ended("it was cancelled there, or another goal took its place")
         else:
-            ended(result.error_string or WORDS.get(result.error_code, f"error {result.error_code}"))
+            ended(
+                result.error_string or WORDS.get(result.error_code, f"error {result.error_code}")
+            )
 
     def cancel(self) -> None:
         """See `TrajectoryController`."""
