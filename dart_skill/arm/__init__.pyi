@@ -50,6 +50,12 @@ from dart_skill.arm._impedance import Reference as Reference
 from dart_skill.arm._impedance import attractor_acceleration as attractor_acceleration
 from dart_skill.arm._impedance import minimum_jerk as minimum_jerk
 from dart_skill.arm._impedance import rotation_error as rotation_error
+from dart_skill.arm._joint_trajectory import JointTrajectory as JointTrajectory
+from dart_skill.arm._joint_trajectory import TrajectoryLimits as TrajectoryLimits
+from dart_skill.arm._joint_trajectory import planned_trajectory as planned_trajectory
+from dart_skill.arm._joint_trajectory import way_to as way_to
+from dart_skill.arm._limited_motion import LimitedMotion as LimitedMotion
+from dart_skill.arm._limited_motion import held as held
 from dart_skill.arm._model import ArmModel as ArmModel
 from dart_skill.arm._model import HandState as HandState
 from dart_skill.arm._motion_plan import ExpectedThrow as ExpectedThrow
@@ -94,6 +100,10 @@ from dart_skill.arm._throwing_bound import ThrowingBound as ThrowingBound
 from dart_skill.arm._throwing_bound import fastest as fastest
 from dart_skill.arm._throwing_bound import guided_bound as guided_bound
 from dart_skill.arm._throwing_bound import throwing_bound as throwing_bound
+from dart_skill.arm._trajectory_commander import NoController as NoController
+from dart_skill.arm._trajectory_commander import TrajectoryCommander as TrajectoryCommander
+from dart_skill.arm._trajectory_commander import TrajectoryController as TrajectoryController
+from dart_skill.arm._trajectory_settings import TrajectorySettings as TrajectorySettings
 from dart_skill.arm._urdf import Transform as Transform
 from dart_skill.arm._urdf import fixed_transforms as fixed_transforms
 from dart_skill.arm._urdf import joint_transforms as joint_transforms

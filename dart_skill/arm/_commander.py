@@ -17,7 +17,7 @@ import numpy as np
 from dart_skill.arm._command import REST_SPEED, ArmState, Command, Speed
 from dart_skill.arm._contact import Yielding
 from dart_skill.arm._description import ArmDescription
-from dart_skill.arm._guide import CarefulGuide, Guide, PlanGuide
+from dart_skill.arm._guide import CarefulGuide, Guidance, Guide, PlanGuide
 from dart_skill.arm._hand_pull import HandPull
 from dart_skill.arm._impedance import (
     Impedance,
@@ -138,6 +138,12 @@ class Commander:
     def executing(self) -> bool:
         """Whether a motion is under way, from the approach to the end of the follow-through."""
         return self._requested is not None or self.mode in UNDER_WAY
+
+    def prepare(self, plan: MotionPlan) -> None:
+        """Do what `execute` needs and what takes long; it may be done in a thread of its own.
+
+        Torques need nothing.
+        """
 
     def execute(self, plan: MotionPlan) -> None:
         """Begin a planned motion with the next state.
@@ -423,11 +429,23 @@ class Commander:
         )
 
     def _executing(self, state: ArmState) -> Command:
+        now = self._look(state, self.time)
+        if now is None:
+            return self._come_to_rest(state)
+        careful = self._guide.speed == Speed.CAREFUL and not now.touches
+        wrench, torque = self._pull.at(state, now, self.time, careful)
+        self._note_grip(now.grip, state)
+        return self._command(state, torque, wrench, now.grip)
+
+    def _look(self, state: ArmState, time: float) -> Guidance | None:
+        """What the guide of a motion says at a time on its clock [s]; None if the motion is over, or
+        was stopped.
+        """
         hand = self.model.hand_state(state.position, state.velocity)
-        now = self._guide.look(self.time, hand, state.stamp_ns)
+        now = self._guide.look(time, hand, state.stamp_ns)
         if now.over:
             self._enter(Mode.FOLLOWING_THROUGH, state)
-            return self._come_to_rest(state)
+            return None
         self.reference, self.tracking_error = (
             now.reference,
             math.dist(now.reference.position, hand.position),
@@ -436,15 +454,16 @@ class Commander:
             state.position, now.off, self.settings, self._lower, self._upper
         ):
             self.stop(reason)
-            return self._come_to_rest(state)
-        careful = self._guide.speed == Speed.CAREFUL and not now.touches
-        wrench, torque = self._pull.at(state, now, self.time, careful)
-        # Said in every command from now on, so that an arm that takes only the newest one misses
-        # nothing.
-        if now.grip == Grip.OPEN and self.opened_ns is None:
+            return None
+        return now
+
+    def _note_grip(self, grip: Grip, state: ArmState) -> None:
+        """What the hand is told is said in every command from now on, so that an arm that takes only
+        the newest one misses nothing.
+        """
+        if grip == Grip.OPEN and self.opened_ns is None:
             self.opened_ns = state.stamp_ns
-        self._grip = now.grip
-        return self._command(state, torque, wrench, now.grip)
+        self._grip = grip
 
     def _come_to_rest(self, state: ArmState) -> Command:
         if _fastest(state) < REST_SPEED or self.time > LONGEST_STOP:

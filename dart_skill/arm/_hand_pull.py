@@ -128,21 +128,37 @@ class HandPull:
         The law acts on the model, where nothing is late or noisy; of the arm's own sensors only
         the joints' servo lives.
         """
-        arm, q, qd = self._arms[now.carries], state.position.copy(), np.zeros(joint_count())
-        step = 0.0
-        if self._expected is not None:  # else the motion begins at rest where the arm is
+        then = time if self._expected is None else self._expected[3]
+        wrench, torque, (q, qd, _) = self.expect(state.position, now, time)
+        if careful and time != then:
+            self._taken_out = self._servo.take_out(self._taken_out, state.position, q, time - then)
+        pull = self._servo.follow(state.position, state.velocity, q, qd)
+        return wrench, torque + self._taken_out + pull
+
+    def expect(
+        self, start: np.ndarray, now: Guidance, time: float
+    ) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """The motion that (7.19) makes of the guidance on the model of the arm, from one instant to
+        the next: wrench (6,), torque (n,), and angles, speeds and accelerations of the joints (n,).
+
+        Parameters
+        ----------
+        start
+            Where the motion begins at rest (n,) [rad].
+        now, time
+            As of `at`.
+        """
+        arm, q, qd, step = self._arms[now.carries], start.copy(), np.zeros(joint_count()), 0.0
+        if self._expected is not None:
             q, qd, qdd, then = self._expected
             step = time - then
             q, qd = coasted(q, qd, qdd, step)
-            if careful:
-                self._taken_out = self._servo.take_out(self._taken_out, state.position, q, step)
         acceleration = arm.pulled(q, qd, now.reference, now.gains, self._tracking)
         wrench, torque, qdd = arm.moved(q, qd, acceleration, self._aim(q, now))
         if step > 0.0 and (kept := held_in_range(arm.model, q, qd, qdd, step)) is not qdd:
             torque, qdd = torque + arm.model.mass_matrix(q) @ (kept - qdd), kept
         self._expected = q, qd, qdd, time
-        pull = self._servo.follow(state.position, state.velocity, q, qd)
-        return wrench, torque + self._taken_out + pull
+        return wrench, torque, (q, qd, qdd)
 
 
 def _of_position(gains: np.ndarray) -> np.ndarray:

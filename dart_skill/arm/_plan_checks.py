@@ -4,6 +4,7 @@ counts for it, and whether the arm can follow it.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from dart_skill.arm._model import ArmModel
 from dart_skill.arm._motion_plan import MotionPlan
 from dart_skill.arm._registration import Registration
 from dart_skill.arm._safety import SafetyLimits
+from dart_skill.arm._trajectory_settings import TrajectorySettings
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.quaternions import CONJUGATE, matrices, product, to_vectors, unit
 
@@ -28,12 +30,21 @@ TOO_TURNED = 0.2
 """The same of its orientation [rad]."""
 TRACKING = ("joints", "hand", "none")
 """What may keep the arm on its motion."""
+OUTPUTS = ("torque", "trajectory")
+"""What the arm's driver may take."""
 MOST_OFFSET = 0.05
 """Distance between the places of the hand by the registration of a plan and by the measured one
 above which the plan is refused [m].
 """
 MOST_TURN = 0.15
 """Turn of the hand above which the plan is refused [rad]."""
+
+
+PARTS: dict[str, type[SafetyLimits] | type[TrajectorySettings]] = {
+    "limits": SafetyLimits,
+    "trajectory": TrajectorySettings,
+}
+"""Settings of the commander that are settings of their own, from the same parameters."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +78,10 @@ class CommanderSettings:
         to rest: the plan beyond is of no use to the ball, and leads through the stretched arm.
     limits
         Of the arm, from config/limits.yaml.
+    output
+        What the arm's driver takes: "torque", or "trajectory" of the joints.
+    trajectory
+        How a controller of trajectories is used.
     """
 
     tracking: str
@@ -83,16 +98,23 @@ class CommanderSettings:
     longest_gap: float
     follow_time: float
     limits: SafetyLimits
+    output: str
+    trajectory: TrajectorySettings
 
     def __post_init__(self) -> None:
+        if self.output not in OUTPUTS:
+            raise ValueError(f"output is '{self.output}': choose one of {', '.join(OUTPUTS)}")
         if self.tracking not in TRACKING:
             raise ValueError(f"tracking is '{self.tracking}': choose one of {', '.join(TRACKING)}")
 
     @classmethod
     def from_parameters(cls, parameters: Mapping) -> "CommanderSettings":
         """Settings from the parameters of the commander node."""
-        own = {f.name: parameters[f.name] for f in fields(cls) if f.name != "limits"}
-        return cls(**own, limits=SafetyLimits.from_parameters(parameters))
+        own = {f.name: parameters[f.name] for f in fields(cls) if f.name not in PARTS}
+        parts: dict[str, Any] = {
+            name: kind.from_parameters(parameters) for name, kind in PARTS.items()
+        }
+        return cls(**own, **parts)
 
     @classmethod
     def configured(cls, **changes: float | str) -> "CommanderSettings":
@@ -103,9 +125,8 @@ class CommanderSettings:
         KeyError
             Names what is no setting.
         """
-        if unknown := set(changes) - {
-            f.name for kind in (cls, SafetyLimits) for f in fields(kind) if f.name != "limits"
-        }:
+        known = {f.name for kind in (cls, *PARTS.values()) for f in fields(kind)} - set(PARTS)
+        if unknown := set(changes) - known:
             raise KeyError(f"{', '.join(sorted(unknown))}: no setting of the commander")
         return cls.from_parameters({**node_parameters("commander.yaml", "commander"), **changes})
 

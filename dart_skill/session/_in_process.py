@@ -10,7 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.arm import Command, Commander, CommanderSettings, Grip, Mode, MotionPlan
+from dart_skill.arm import (
+    Command,
+    Commander,
+    CommanderSettings,
+    Grip,
+    Mode,
+    MotionPlan,
+    TrajectoryCommander,
+)
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.surface import game_at
 from dart_skill.common.world import THROW, THROW_BODIES, the_world
@@ -20,6 +28,7 @@ from dart_skill.session._step_loop import Push, StepLoop, no_push, parameters_of
 from dart_skill.simulation import (
     BasketWalls,
     Board,
+    ControllerSettings,
     Frame,
     MotionCapture,
     MotionCaptureConfig,
@@ -28,6 +37,7 @@ from dart_skill.simulation import (
     Plant,
     PlantSettings,
     PlantState,
+    SimulatedController,
     Swing,
     Teacher,
 )
@@ -81,6 +91,8 @@ class Session(StepLoop):
         Bool, default False. Whether a `Trial` keeps the simulator's states.
     bag
         That everything is written into, default None.
+    controller
+        Of an arm that is driven to positions; default None, the arm takes torques.
     """
 
     _log: ThrowLog
@@ -95,6 +107,7 @@ class Session(StepLoop):
         swing: Swing | None = None,
         keep_states: bool = False,
         bag: SessionBag | None = None,
+        controller: ControllerSettings | None = None,
     ):
         settings = plant or PlantSettings.from_parameters(
             node_parameters("wam_simulator.yaml", "wam_simulator")
@@ -105,13 +118,19 @@ class Session(StepLoop):
         cameras = cameras or MotionCaptureConfig.from_parameters(
             node_parameters("optitrack.yaml", "mock_optitrack")
         )
-        world = Plant(settings, seed)
+        world, gains = Plant(settings, seed), commander or CommanderSettings.configured()
+        load, driven = world.description_of_load, None
+        if controller is not None:
+            driven = SimulatedController(world.arm_state.position, controller)
         super().__init__(
             world,
-            Commander(commander or CommanderSettings.configured(), world.description_of_load),
+            Commander(gains, load)
+            if driven is None
+            else TrajectoryCommander(gains, load, controller=driven),
             MotionCapture(replace(cameras, bodies=self._roles), seed),
             bag,
             ThrowLog(skill=name, bodies=bodies),
+            driven,
         )
         self._game = game_at(() if settings.board is None else settings.board.position)
         person = person or Person.from_parameters(node_parameters("teacher.yaml", "teacher"))
@@ -172,9 +191,11 @@ class Session(StepLoop):
         self._look_after_the_arm()
         self._begin(plan.thrown.target, no_push)
         self.commander.execute(plan)
-        return self._carry_out(
-            plan.thrown.target, no_push, lambda: self.commander.mode in RESTING, "throw"
-        )
+
+        def over() -> bool:
+            return not self.commander.executing and self.commander.mode in RESTING
+
+        return self._carry_out(plan.thrown.target, no_push, over, "throw")
 
     def _guided_throw(self, target: np.ndarray, correct: bool) -> Trial:
         self._look_after_the_arm()

@@ -5,11 +5,12 @@ guides the arm, stepped together in the order of the nodes.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 
-from dart_skill.arm import ArmState, Command, Commander
+from dart_skill.arm import ArmState, Command, Commander, Mode
 from dart_skill.common.configuration import node_file, node_parameters
 from dart_skill.common.fleet import arm_with
 from dart_skill.session._session_bag import SessionBag
@@ -21,6 +22,7 @@ from dart_skill.simulation import (
     Plant,
     PlantState,
     Sample,
+    SimulatedController,
 )
 from dart_skill.skills.observation import SensorLog
 
@@ -80,6 +82,9 @@ class StepLoop:
         That everything is written into, None for none.
     log
         Of what sensors see.
+    controller
+        Of an arm that is driven to positions, whose states come as often as it sends them; None: the
+        arm takes torques.
     """
 
     longest = 30.0
@@ -92,13 +97,22 @@ class StepLoop:
         cameras: MotionCapture,
         bag: SessionBag | None,
         log: SensorLog,
+        controller: SimulatedController | None = None,
     ):
+        if commander.settings.output == "trajectory" and controller is None:
+            raise ValueError(
+                "output is 'trajectory', and the simulated arm takes torques here: only `dart-skill"
+                " experiment throws --trajectory RATE` has a controller of trajectories"
+            )
         self.plant, self.commander, self.capture = plant, commander, cameras
         self._bag, self._log, self._geometry = bag, log, ArmGeometry()
         self._frame_steps = round(1e9 / cameras.config.rate / plant.settings.step_ns)
         self._sees: Sees | None = None
         self._kept: list[PlantState] | None = None
         self.steps = 0
+        self._controller, self._answered = controller, Command(0)
+        rate = 0.0 if controller is None else controller.settings.rate
+        self._tells_every = round(1e9 / rate / plant.settings.step_ns) if rate else 1
 
     def close(self) -> None:
         """Release PyBullet."""
@@ -111,11 +125,34 @@ class StepLoop:
 
     def _answer(self, arm: ArmState, push: Push) -> tuple[Command, Command | None]:
         """What commander and person answer to a state; the world goes on with it."""
-        command, pushed = self.commander.step(arm), push()
+        if self._tells:
+            self._answered = self.commander.step(arm)
+        command = self._answered if self._tells else self._answered.answering(arm.stamp_ns)
+        pushed = push()
         if self._bag is not None:
             self._bag.step(arm, command, pushed)
-        self.plant.step(command, pushed)
+        self.plant.step(self._driven(arm, command), pushed)
         return command, pushed
+
+    @property
+    def _tells(self) -> bool:
+        """Whether the arm tells its state now."""
+        return self.plant.step_count % self._tells_every == 0
+
+    def _driven(self, arm: ArmState, command: Command) -> Command:
+        """What moves the arm: the command, or drives that follow a controller; a person guides an
+        arm whose drives give way.
+        """
+        controller = self._controller
+        if controller is None:
+            return command
+        if self.commander.mode is Mode.FREE:
+            controller.hold(arm.position)
+        controller.update(arm.stamp_ns, arm.position)
+        if self.commander.mode is Mode.FREE:
+            return command
+        driven = controller.command(arm, self.commander.model)
+        return replace(driven, grip=command.grip, speed=command.speed)
 
     def _step_until(self, push: Push, over: Callable[[], bool], watch: Callable[[], int]) -> int:
         """Step until a movement is over, and then watch on; returns when that ends [ns].
@@ -146,7 +183,8 @@ class StepLoop:
 
     def _sense(self, arm: ArmState) -> None:
         """Note what the sensors of the arm say; the cameras expose a frame when it is time."""
-        self._log.add_joints(arm.stamp_ns, arm.position, arm.velocity)
+        if self._tells:
+            self._log.add_joints(arm.stamp_ns, arm.position, arm.velocity)
         if self.plant.step_count % self._frame_steps == 0:
             self._exposed.append(self._frame())
         if self._kept is not None:

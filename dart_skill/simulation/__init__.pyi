@@ -32,6 +32,9 @@ from dart_skill.simulation._teacher import Person as Person
 from dart_skill.simulation._teacher import Phase as Phase
 from dart_skill.simulation._teacher import Swing as Swing
 from dart_skill.simulation._teacher import Teacher as Teacher
+from dart_skill.simulation._trajectory_controller import ControllerSettings as ControllerSettings
+from dart_skill.simulation._trajectory_controller import SimulatedController as SimulatedController
+from dart_skill.simulation._trajectory_controller import quintic as quintic
 from dart_skill.simulation._transmission import Encoders as Encoders
 from dart_skill.simulation._transmission import Transmission as Transmission
 from dart_skill.simulation._workbench import Bench as Bench

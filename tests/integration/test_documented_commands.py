@@ -371,6 +371,9 @@ TYPED = {
     "ros2 run dart_skill skill_learner": NODES,
     "ros2 run dart_skill viewer": NODES,
     "ros2 run dart_skill effort_bridge": NODES,
+    "ros2 run dart_skill commander --ros-args -p output:=trajectory -p trajectory_action:=/scaled_joint_trajectory_controller/follow_joint_trajectory": Elsewhere(
+        "integration/test_trajectory.py::test_a_throw_is_executed_and_the_hand_is_told_where_the_plan_tells_it"
+    ),
     "dart-skill check arm": ARM,
     "dart-skill check arm --postures 10 --write cameras.yaml": ARM,
     "dart-skill check arm --skill place": OF_A_SKILL,
@@ -680,6 +683,9 @@ TYPED = {
     ),
     "dart-skill experiment throws --arms panda --seeds 5": Run(
         "--seeds 1 --demonstrations 5 --throws 1", says="default .* 1/1", slow=True
+    ),
+    "dart-skill experiment throws --arms panda --seeds 1 --trajectory 125 --lag 0.03": Run(
+        "--demonstrations 5 --throws 1", says="default .* 1/1", slow=True
     ),
     "dart-skill experiment reach --arm iiwa7 --seeds 1": Run(
         "--cups 1 --demonstrations 3 --held 1", says="the phase goes on by", slow=True

@@ -45,6 +45,19 @@ def add_throws(experiments: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--throws", type=positive, default=10, help="new baskets per seed (default 10)"
     )
+    parser.add_argument(
+        "--trajectory",
+        type=positive,
+        metavar="RATE",
+        help="by an arm whose controller takes trajectories and sends so many positions a second",
+    )
+    parser.add_argument(
+        "--lag",
+        type=float,
+        default=0.0,
+        metavar="SECONDS",
+        help="with --trajectory: time constant with which the arm follows them (default 0)",
+    )
     add_jobs(parser)
     add_scheduler(parser)
     parser.add_argument(
@@ -60,6 +73,7 @@ def _throws(options: argparse.Namespace) -> int:
     from dart_skill.common.fleet import arm_with, skill_settings
     from dart_skill.experiments.parallel import all_of
     from dart_skill.experiments.studies import throws
+    from dart_skill.simulation import ControllerSettings
     from dart_skill.skills.learning import LADDER, configuration
 
     asked = options.configurations.replace("ladder", ",".join(("thesis", *LADDER)))
@@ -68,6 +82,8 @@ def _throws(options: argparse.Namespace) -> int:
     if skill_settings(options.set):
         raise ValueError("--set skill.NAME is for a demo or a graph: give --configurations here")
     settings = tuple(options.set)
+    rate = options.trajectory
+    controller = None if rate is None else ControllerSettings(float(rate), options.lag)
     results = all_of(
         throws.run_seed,
         range(options.first_seed, options.first_seed + options.seeds),
@@ -78,6 +94,7 @@ def _throws(options: argparse.Namespace) -> int:
         throws=options.throws,
         arms=options.arms,
         settings=settings,
+        controller=controller,
     )
     best = throws.best_possible(results, settings) if options.best_possible else None
     if options.json:

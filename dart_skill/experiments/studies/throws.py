@@ -25,6 +25,7 @@ from dart_skill.common.world import the_world
 from dart_skill.movement import azimuth_of
 from dart_skill.recording import Demonstration
 from dart_skill.session import Session, Trial
+from dart_skill.simulation import ControllerSettings
 from dart_skill.skills.learning import ThrowingSkill, configuration, learn_throwing
 from dart_skill.skills.practice import TrialMemory
 
@@ -77,6 +78,7 @@ def run_seed(
     throws: int = 10,
     arms: str = "ideal",
     settings: tuple[str, ...] = (),
+    controller: ControllerSettings | None = None,
 ) -> list[ThrowResult]:
     """All throws of one seed: one set of demonstrations, each configuration thrown at the same
     baskets.
@@ -87,9 +89,11 @@ def run_seed(
         Name of an arm, or "fleet": every seed draws its own.
     settings
         Parameters that differ, each as NODE.PARAMETER=VALUE.
+    controller
+        Of an arm that is driven to positions; default None, the arm takes torques.
     """
     arm = arm_of(arms, seed)
-    session = Session.on_arm(arm, seed, settings)
+    session = Session.on_arm(arm, seed, settings, controller=controller)
     to_throw = targets_for(seed, demonstrations, throws)[1]
     kept = teach(session, seed, demonstrations)
     learned = cache(lambda name: TrialMemory(kept, configuration(name)).learn())

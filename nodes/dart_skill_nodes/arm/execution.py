@@ -172,7 +172,7 @@ class Execution:
             raise ValueError(response.message)
         result.plan_id = self._keep(response.plan)
         # the arm waits for answers meanwhile
-        path, plan = await in_thread(self._node, self._read, response.plan)
+        path, plan = await in_thread(self._node, self._prepare, response.plan)
         self._path.publish(path)
         return plan
 
@@ -206,6 +206,13 @@ class Execution:
             policy.registration, policy.start.position, policy.start.quaternion
         )
         return path, policy.guide(conversions.situation(message.situation), registration)
+
+    def _prepare(self, message: PlanMsg) -> tuple[Path, MotionPlan | ReactiveGuide]:
+        """The same, with what the commander needs before it begins; PlanRefused if it will not."""
+        path, plan = self._read(message)
+        if isinstance(plan, MotionPlan):
+            self._commander.prepare(plan)
+        return path, plan
 
     def rehearse(self, spare: Commander, description: ArmDescription) -> None:
         """Go through a motion once before there is an arm: what is loaded on the way would make

@@ -17,17 +17,21 @@ from rclpy.action import CancelResponse, GoalResponse
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.arm import (
+    ArmDescription,
     ArmState,
     Commander,
     CommanderSettings,
     Mode,
     PlanRefused,
+    Registration,
+    TrajectoryCommander,
     load_registration,
     the_arm,
 )
 from dart_skill.recording import HAND
 from dart_skill_nodes.arm.arm_watch import NOT_FOR_AN_ARM, ArmWatch
 from dart_skill_nodes.arm.execution import Execution
+from dart_skill_nodes.arm.trajectory_output import TrajectoryOutput
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.commands import CommandWriter, new_sender
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, finish, say_why_it_ended
@@ -54,8 +58,8 @@ class CommanderNode(GuardedNode):
         self._skill = skill_of(self)
         name_of = declare_bodies(self, (HAND, *self._skill.bodies))
         load = self._skill.loaded(the_arm())
-        made = partial(Commander, CommanderSettings.from_parameters(self.p), load, measured)
-        self._commander = made()
+        made, self._output = self._output_for(load, measured)
+        self._commander = made() if self._output is None else made(controller=self._output)
         self._reader, self._written = StateReader(), b""
         self._writer = CommandWriter(new_sender(), self.p["frame_id"])
         self._fault = self._rivals = ""  # the latter: for which the arm was stopped
@@ -82,6 +86,15 @@ class CommanderNode(GuardedNode):
         self._diagnostics = Diagnostics(self, self._describe)
         self.create_timer(LOOK, self._watch, clock=WALL)
         self.execution.rehearse(made(), load)
+
+    def _output_for(self, load: ArmDescription, measured: Registration | None):
+        """What makes commanders, and the controller of an arm that takes trajectories."""
+        settings = CommanderSettings.from_parameters(self.p)
+        if settings.output == "torque":
+            return partial(Commander, settings, load, measured), None
+        return partial(TrajectoryCommander, settings, load, measured), TrajectoryOutput(
+            self, self.p
+        )
 
     # the control step
 
@@ -137,7 +150,10 @@ class CommanderNode(GuardedNode):
             name, named = self._arm.states_name, self._states.of_the_arm.others
             said = self._fault or (f"{name} {named}" if named else "")
             return said or f"no {name} yet: is the arm, or wam_simulator, running?"
-        if self.p["tracking"] == "hand" and not self._arm.is_simulated:
+        if self._output is not None and (silent := self._output.missing):
+            return silent
+        takes_torques = self._output is None
+        if takes_torques and self.p["tracking"] == "hand" and not self._arm.is_simulated:
             return NOT_FOR_AN_ARM
         return self._arm.missing(self._skill.words.outcome, self._arm_fault)
 
