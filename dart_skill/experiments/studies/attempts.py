@@ -73,7 +73,7 @@ def run(task: dict) -> dict:
         shown = teach(session, seed, task["demonstrations"])
         learned_as = configuration(task["configuration"])
         baskets = REGION.spread(task["baskets"], np.random.default_rng([seed, 7]))
-        errors = {}
+        errors: dict[str, list[list[float]]] = {}
         for method in task["methods"]:
             errors[method] = []
             for basket in baskets:
