@@ -73,8 +73,8 @@ class LimitedMotion:
         self._times = np.concatenate([way, events])
         self._wanted = [references.at(time) for time in self._times]
         self._on_the_way = len(way)
-        at, self._rates = self._angles(self._times), self._speeds(self._times)
-        self._at, self._rated = at[:, 2:], self._rates[:, 2:]
+        self._rates = self._speeds(self._times)
+        self._at, self._rated = self._angles(self._times)[:, 2:], self._rates[:, 2:]
         self._gained = self._gains(way)[:, 2:]
 
     def found(

@@ -24,14 +24,12 @@ from dart_skill.arm import (
     Mode,
     PlanRefused,
     Registration,
-    TrajectoryCommander,
     load_registration,
     the_arm,
 )
 from dart_skill.recording import HAND
 from dart_skill_nodes.arm.arm_watch import NOT_FOR_AN_ARM, ArmWatch
 from dart_skill_nodes.arm.execution import Execution
-from dart_skill_nodes.arm.trajectory_output import TrajectoryOutput
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.commands import CommandWriter, new_sender
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, finish, say_why_it_ended
@@ -92,6 +90,10 @@ class CommanderNode(GuardedNode):
         settings = CommanderSettings.from_parameters(self.p)
         if settings.output == "torque":
             return partial(Commander, settings, load, measured), None
+        # these need parts of SciPy that no arm that takes torques waits for
+        from dart_skill.arm import TrajectoryCommander
+        from dart_skill_nodes.arm.trajectory_output import TrajectoryOutput
+
         return partial(TrajectoryCommander, settings, load, measured), TrajectoryOutput(
             self, self.p
         )
