@@ -254,7 +254,7 @@ def _draw_above(
             linewidth=1.0,
             label=None if number else "hand, shown",
         )
-        for role in (one for one in skill.bodies if one != skill.in_hand):
+        for role in skill.bodies[1:] or skill.bodies:  # the first is moved, if there are others
             pose = one.track(role).pose_at(float(one.hand_time[0]))
             _draw_body(
                 axes, pose, DEMONSTRATION, "" if number else f"{role}, shown", linestyle="--"

@@ -231,11 +231,7 @@ class Correction:
         ValueError
             For another shape, or what is not finite.
         """
-        throws = np.asarray(throws, dtype=float)
-        if throws.ndim != 2 or throws.shape[1] != 6 or not np.isfinite(throws).all():
-            raise ValueError(
-                f"throws of a correction must be a finite (n, 6) array, got shape {throws.shape}"
-            )
+        throws = as_throws(throws)
         if len(throws):
             self._remember(list(throws[:, :2]), list(throws[:, 2:4]), list(throws[:, 4:]))
 
@@ -430,6 +426,18 @@ class Correction:
         means = offset[..., None] + difference[:, None] * smooth
         square = np.einsum("bask,baskm->ma", probability, left + means**2, optimize=True)
         return np.sqrt(np.maximum(square - mean**2, 0.0))
+
+
+def as_throws(throws: np.ndarray) -> np.ndarray:
+    """What a correction remembered, as an array (n, 6); ValueError for another shape, or for what
+    is not finite.
+    """
+    throws = np.asarray(throws, dtype=float)
+    if throws.ndim != 2 or throws.shape[1] != 6 or not np.isfinite(throws).all():
+        raise ValueError(
+            f"throws of a correction must be a finite (n, 6) array, got shape {throws.shape}"
+        )
+    return throws
 
 
 def _normalised(evidence: np.ndarray) -> np.ndarray:

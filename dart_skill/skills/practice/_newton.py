@@ -16,7 +16,7 @@ import numpy as np
 
 from dart_skill.common.surface import RIMS, Surface
 from dart_skill.common.vectors import at_most
-from dart_skill.skills.practice._correction import NOTHING, CorrectionSettings
+from dart_skill.skills.practice._correction import NOTHING, CorrectionSettings, as_throws
 
 
 class NewtonCorrection:
@@ -52,12 +52,7 @@ class NewtonCorrection:
         ValueError
             For another shape, or what is not finite.
         """
-        throws = np.asarray(throws, dtype=float)
-        if throws.ndim != 2 or throws.shape[1] != 6 or not np.isfinite(throws).all():
-            raise ValueError(
-                f"throws of a correction must be a finite (n, 6) array, got shape {throws.shape}"
-            )
-        self.throws = throws[-1:]
+        self.throws = as_throws(throws)[-1:]
 
     def add(self, place: np.ndarray, miss: np.ndarray, explained: np.ndarray = NOTHING) -> None:
         """Take the miss (2,) [m] of the newest throw, at a place (2,).

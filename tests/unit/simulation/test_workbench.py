@@ -123,7 +123,8 @@ def test_the_load_is_what_the_hand_carries(bench):
 
 def test_the_walls_leave_the_clearance_on_each_side():
     plant = Workbench(Bench(clearance=0.003, wall=0.01, depth=0.04))
-    sizes, centres = (np.array(part) for part in plant._walls())
+    sizes, centres, turns = (np.array(part) for part in plant._walls())
+    assert np.array_equal(turns, [[0.0, 0.0, 0.0, 1.0]] * 5)
     inner = np.abs(centres[1:]).max(axis=1)[:4]
     sides = [abs(centres[1, 0]) - sizes[1, 0], abs(centres[3, 1]) - sizes[3, 1]]
     assert sides == pytest.approx([0.028, 0.028]) and len(inner) == 4
