@@ -730,7 +730,7 @@ TYPED = {
         "--seeds 1 --throws 1 --demonstrations 3", says="default", leaves="basket.jsonl", slow=True
     ),
     "dart-skill experiment basket --scheduler tcp://HOST:8786": CLUSTER,
-    "dart-skill experiment attempts --methods residual,newton,bootstrap,power,none --attempts 5 --arms fleet --first-seed 2000 --seeds 40": Elsewhere(
+    "dart-skill experiment attempts --methods residual,newton,bootstrap,power,none --attempts 5 --arms fleet --first-seed 2000 --seeds 14": Elsewhere(
         "unit/experiments/test_attempts.py::test_the_command_throws_at_each_basket_with_each_method"
     ),
     "dart-skill experiment practice --seeds 20 --scheduler tcp://192.168.10.1:8786 --results practice.jsonl": (
