@@ -101,8 +101,8 @@ taught and learned, on the approach, in the motion, and while it is watched what
 | `reach` | motion 18 | lesson 18, learning 8, approach 18, after 18 |
 
 They were tried at a load of 9 to 14 on two cores, and what was not as it must be again on idle ones. Then all was as it
-must be, but for one thing: three of eleven times in which a node was frozen for 15 s and more, while a part was placed,
-the middleware did not find it again within two minutes, once on idle cores, too. Which one it is differs from try to
+must be, but for one thing: four of twelve times in which a node was frozen for 15 s and more, while a part was placed,
+the middleware did not find it again within two minutes, twice on idle cores. Which one it is differs from try to
 try, and the reason is not known. Start such a node again.
 
 A client must be told within 5 s of the wall clock, or within 5 s of the end of a motion that does not need what failed.
