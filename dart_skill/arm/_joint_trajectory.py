@@ -40,7 +40,7 @@ from dart_skill.arm._plan_checks import CommanderSettings, PlanRefused
 from dart_skill.arm._range import time_to_end
 
 STEP = 0.002
-"""Of the law on the model [s]."""
+"""Step of the law on the model [s]."""
 EVERY = 5
 """Steps between two instants of a trajectory."""
 MISSED = 0.005, 0.05

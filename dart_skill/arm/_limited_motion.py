@@ -20,7 +20,7 @@ from dart_skill.arm._model import ArmModel
 from dart_skill.arm._motion_plan import MotionPlan
 
 DEGREE = 3
-"""Of the speeds."""
+"""Degree of the splines of the speeds."""
 SPACING = 0.04
 """Time between two knots [s]."""
 LOOKS = 0.02

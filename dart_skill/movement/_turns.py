@@ -24,7 +24,7 @@ CLOSES = 0.1
 LEAST_WAY = 0.02
 """Shorter ways are none [m]: noise comes back to itself, too."""
 SHORTEST_PERIOD = 0.2
-"""Of a movement that repeats [s]."""
+"""Shortest period of a movement that repeats [s]."""
 LAGS = 60
 """Number of periods that are tried."""
 FEWEST_TURNS = 2.0
@@ -40,7 +40,7 @@ SMOOTHED = 0.1
 SLOWEST = 0.1
 """Least rate of the phase of a demonstration, in units of its mean."""
 STARTS = 0.5
-"""Of a period: so long a rhythmic movement takes to set off, and to stop."""
+"""Share of a period that a rhythmic movement takes to set off, and to stop."""
 
 RATE = Polynomial([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
 """Rate of a clock that sets off, over the share of the time in which it does."""
@@ -61,7 +61,7 @@ class Turns(NamedTuple):
 
     @property
     def number(self) -> float:
-        """Of periods between begin and end."""
+        """Number of periods between begin and end."""
         return (self.end - self.begin) / self.period
 
 

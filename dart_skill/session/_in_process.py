@@ -10,15 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.arm import (
-    Command,
-    Commander,
-    CommanderSettings,
-    Grip,
-    Mode,
-    MotionPlan,
-    TrajectoryCommander,
-)
+from dart_skill.arm import Command, Commander, CommanderSettings, Grip, Mode, MotionPlan
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.surface import game_at
 from dart_skill.common.world import THROW, THROW_BODIES, the_world
@@ -120,13 +112,15 @@ class Session(StepLoop):
         )
         world, gains = Plant(settings, seed), commander or CommanderSettings.configured()
         load, driven = world.description_of_load, None
+        answers = Commander(gains, load)
         if controller is not None:
+            from dart_skill.arm import TrajectoryCommander  # with parts of SciPy
+
             driven = SimulatedController(world.arm_state.position, controller)
+            answers = TrajectoryCommander(gains, load, controller=driven)
         super().__init__(
             world,
-            Commander(gains, load)
-            if driven is None
-            else TrajectoryCommander(gains, load, controller=driven),
+            answers,
             MotionCapture(replace(cameras, bodies=self._roles), seed),
             bag,
             ThrowLog(skill=name, bodies=bodies),

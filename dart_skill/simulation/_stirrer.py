@@ -87,7 +87,7 @@ class Stirrer(Carrier):
 
     @property
     def _clock(self) -> SoftClock:
-        """Of the turns, at the pace at which they are made."""
+        """Clock of the turns, at the pace at which they are made."""
         return SoftClock(self.stirring.turns / self._pace, self.stirring.sets_off)
 
     @property

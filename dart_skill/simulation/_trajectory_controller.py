@@ -17,9 +17,7 @@ import numpy as np
 from dart_skill.arm import ArmModel, ArmState, Command, Grip, JointTrajectory
 
 STIFFNESS, DAMPING = 6400.0, 160.0
-"""Of the drives per unit of inertia [1/s^2], [1/s]: they swing with 80 rad/s, critically damped."""
-
-
+"""Gains of the drives per unit of inertia [1/s^2], [1/s]: 80 rad/s, critically damped."""
 CREEPS = 0.02
 """Speed from which its direction tells that of the friction [rad/s]."""
 LONGEST_STEP = 0.1

@@ -4,6 +4,8 @@ shown."""
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+from typing import Any
 
 from dart_skill.cli.experiment._options import add_pose_skill, show
 
@@ -33,19 +35,14 @@ def add_place(experiments: argparse._SubParsersAction) -> None:
 
 
 def _place(options: argparse.Namespace) -> int:
-    from dart_skill.experiments.parallel import all_of
     from dart_skill.experiments.studies import pose_skills
 
-    placed = all_of(
+    placed = _of_seeds(
+        options,
         pose_skills.place_seed,
-        range(options.first_seed, options.first_seed + options.seeds),
-        options.jobs,
-        demonstrations=options.demonstrations,
         parts=options.parts,
         own=options.own,
         unseen=options.unseen,
-        arm=options.arm,
-        settings=tuple(options.set),
     )
     return show(placed, pose_skills.place_table, options.json)
 
@@ -56,29 +53,14 @@ def add_reach(experiments: argparse._SubParsersAction) -> None:
         "reach", help="reach into cups on belts that were not shown, also while the hand is held"
     )
     add_pose_skill(parser, "cups", "reach")
-    parser.add_argument(
-        "--held",
-        type=int,
-        default=3,
-        help="of the cups again with a hand that is held for a second (default 3)",
-    )
+    _add_held(parser, "cups", 3)
     parser.set_defaults(run=_reach)
 
 
 def _reach(options: argparse.Namespace) -> int:
-    from dart_skill.experiments.parallel import all_of
     from dart_skill.experiments.studies import pose_skills
 
-    reached = all_of(
-        pose_skills.reach_seed,
-        range(options.first_seed, options.first_seed + options.seeds),
-        options.jobs,
-        demonstrations=options.demonstrations,
-        cups=options.cups,
-        held=options.held,
-        arm=options.arm,
-        settings=tuple(options.set),
-    )
+    reached = _of_seeds(options, pose_skills.reach_seed, cups=options.cups, held=options.held)
     return show(reached, pose_skills.reach_table, options.json)
 
 
@@ -88,27 +70,37 @@ def add_stir(experiments: argparse._SubParsersAction) -> None:
         "stir", help="stir in pots that stand elsewhere, also while the hand is held"
     )
     add_pose_skill(parser, "pots", "pot", demonstrations=1)
-    parser.add_argument(
-        "--held",
-        type=int,
-        default=1,
-        help="of the pots again with a hand that is held for a second (default 1)",
-    )
+    _add_held(parser, "pots", 1)
     parser.set_defaults(run=_stir)
 
 
 def _stir(options: argparse.Namespace) -> int:
-    from dart_skill.experiments.parallel import all_of
     from dart_skill.experiments.studies import stirring
 
-    stirred = all_of(
-        stirring.stir_seed,
+    stirred = _of_seeds(options, stirring.stir_seed, pots=options.pots, held=options.held)
+    return show(stirred, stirring.stir_table, options.json)
+
+
+def _add_held(parser: argparse.ArgumentParser, tried: str, number: int) -> None:
+    """Add the option for movements with a hand that is held."""
+    parser.add_argument(
+        "--held",
+        type=int,
+        default=number,
+        help=f"of the {tried} again with a hand that is held for a second (default {number})",
+    )
+
+
+def _of_seeds(options: argparse.Namespace, run: Callable[..., list], **own: Any) -> list:
+    """Trials of every seed, by what `add_pose_skill` asks for and the options of one experiment."""
+    from dart_skill.experiments.parallel import all_of
+
+    return all_of(
+        run,
         range(options.first_seed, options.first_seed + options.seeds),
         options.jobs,
         demonstrations=options.demonstrations,
-        pots=options.pots,
-        held=options.held,
         arm=options.arm,
         settings=tuple(options.set),
+        **own,
     )
-    return show(stirred, stirring.stir_table, options.json)

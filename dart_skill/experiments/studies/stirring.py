@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from scipy.integrate import trapezoid
 
 from dart_skill.arm import Command, Mode, PlanRefused
 from dart_skill.common.fleet import of_nodes, skill_settings
@@ -96,12 +96,10 @@ class _Noted:
     def _tip(self) -> np.ndarray:
         skill, (place, turn) = self._session.skill, self._session.plant.bodies["spoon"]
         assert isinstance(skill, Stir)
-        tip = place + Rotation.from_quat(turn).apply(skill.tip.position)
-        pot = self._situation.pose("pot")
-        return (tip - pot.position) @ pot.rotation
+        return skill.tip_in(self._situation.pose("pot"), place, turn)
 
     def largest_change(self, instants: Sequence[float]) -> float:
-        """Of the commanded velocity in a step, near some instants [m/s]."""
+        """Largest change of the commanded velocity in a step, near some instants [m/s]."""
         time, changes = np.array(self.time[1:]), np.diff(self.velocity, axis=0)
         near = np.any([np.abs(time - one) < NEAR for one in instants], axis=0)
         return float(np.linalg.norm(changes[near], axis=1).max())
@@ -179,7 +177,7 @@ def _after_held(
     s, time, tip = skill.settings, np.array(noted.time), np.array(noted.tip)
     off = np.hypot(np.hypot(*tip[:, :2].T) - s.radius, tip[:, 2] - s.height)
     during = (time >= held[0]) & (time < held[1])
-    way = np.trapezoid(np.linalg.norm(np.array(noted.velocity)[during], axis=1), time[during])
+    way = trapezoid(np.linalg.norm(np.array(noted.velocity)[during], axis=1), time[during])
     after = (time >= held[1]) & (time < held[1] + 1.0 / trial.frequency)
     far = np.flatnonzero(off[after] > s.path_tolerance)
     counts = time[after] >= held[1] + SETTLED

@@ -61,13 +61,13 @@ than four times the acceleration.
 LARGER = (0.25, 2.0)
 """Amplitudes that may be asked for, in units of the one that was shown."""
 MOST_TURNS = 200
-"""Of a plan, which has all of them."""
+"""Largest number of turns of a plan, which has all of them."""
 SETS_OFF = 0.3
 """A way sets off, and stops, within so long [s]."""
 SHORTEST_WAY = 0.2
 """The hand is on its way to the turns, and from them, for so long at least [s]."""
 SAMPLES = 200
-"""Of a period, by which phases of demonstrations are compared."""
+"""Number of samples of a period, by which phases of demonstrations are compared."""
 
 Moved = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Features, their velocities and accelerations (n, d)."""
@@ -98,7 +98,7 @@ class _Shown(NamedTuple):
 
     @property
     def shares(self) -> tuple[float, float]:
-        """Of its duration, after which it begins and ends to turn."""
+        """Shares of its duration after which it begins and ends to turn."""
         return self.turns.begin / self.time[-1], self.turns.end / self.time[-1]
 
     @property
@@ -237,8 +237,8 @@ class Rhythmic(ClockedRepresentation):
         return found
 
     def _mean_period(self) -> float:
-        """Of the turns between the first and the last half one, in which a person sets off and stops
-        [s].
+        """Mean period of the turns between the first and the last half one, in which a person sets
+        off and stops [s].
         """
         periods = []
         for one, phases in zip(self._movements, self._cycle.phases, strict=True):

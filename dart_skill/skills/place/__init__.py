@@ -7,24 +7,22 @@ beginning and open at the end.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import ArmDescription, with_box
 from dart_skill.common.situation import Pose, Situation
-from dart_skill.recording import HAND, Demonstration
+from dart_skill.recording import Demonstration
 from dart_skill.skills.protocol import (
     OF_REACTING,
-    Skill,
     SkillSettings,
     SkillWords,
     Solid,
     TaskOutcome,
 )
+from dart_skill.skills.table import WALL, TableSkill
 
 LIES = 0.3
 """The part is looked at so long after the fingers were told to open at the earliest [s]: it may
@@ -40,10 +38,6 @@ FRAMES_BEFORE = 5
 
 GAP = 0.003
 """Clearance between part and holder on each side [m]."""
-WALL = 0.01
-"""Thickness of the walls of the holder [m]."""
-TABLE = (0.9, 1.8, 0.04)
-"""Edges of its top, as viewers show it [m]."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +95,7 @@ class PlaceSettings(SkillSettings):
     UNUSED: ClassVar[frozenset[str]] = OF_REACTING
 
 
-class Place(Skill):
+class Place(TableSkill):
     """Put a part into a holder."""
 
     name = "place"
@@ -121,15 +115,6 @@ class Place(Skill):
             demo_seconds=82.0,
         )
 
-    def check_seen(self, role: str, pose: Pose) -> None:
-        """ValueError if the holder stands where the arm cannot point its hand straight down."""
-        (near, far), away = self.settings.reach, float(np.hypot(*pose.position[:2]))
-        if role == "holder" and not near < away < far:
-            raise ValueError(
-                f"the holder is {away:.2f} m from the axis of the base: put it between {near:.2f}"
-                f" and {far:.2f} m from there, where the hand can point straight down"
-            )
-
     @property
     def seat(self) -> Pose:
         """Pose of the part in the frame of the holder when it is in."""
@@ -140,32 +125,9 @@ class Place(Skill):
         return situation.pose("holder").place(self.seat)
 
     @property
-    def world_settings(self) -> Mapping[str, Any]:
-        s = self.settings
-        return {
-            "size": s.size,
-            "mass": s.mass,
-            "grasp": s.grasp,
-            "depth": s.depth,
-            "clearance": GAP,
-            "wall": WALL,
-            "holder": (*s.shown_at, s.table + s.floor),
-        }
-
-    def draw(self, rng: np.random.Generator, wide: bool = False) -> Situation:
-        """A holder near `shown_at`, turned, where the arm can point its hand straight down over
-        it, on the table or on something.
-        """
-        s = self.settings
-        away, turn = (s.asked_within, s.asked_turn) if wide else (s.shown_within, s.shown_turn)
-        while True:
-            aside = away * rng.uniform(-1.0, 1.0, 2)
-            place = np.array(s.shown_at) + aside
-            if np.hypot(*aside) < away and s.reach[0] < np.hypot(*place) < s.reach[1]:
-                break
-        height = s.table + s.floor + rng.uniform(0.0, s.raised)
-        turned = Rotation.from_rotvec([0.0, 0.0, rng.uniform(-turn, turn)]).as_quat()
-        return Situation({"holder": Pose(np.append(place, height), turned)})
+    def clearance(self) -> float:
+        """Between part and holder on each side [m]."""
+        return GAP
 
     def solids(self, role: str) -> Sequence[Solid]:
         s = self.settings
@@ -183,28 +145,6 @@ class Place(Skill):
             (deep, (0.0, -y, half)),
         ]
         return (floor, *(Solid("box", size, centre) for size, centre in sides))
-
-    def surroundings(self) -> Sequence[Solid]:
-        """The table."""
-        return (Solid("box", TABLE, (0.8, 0.0, self.settings.table - 0.5 * TABLE[2])),)
-
-    def loaded(self, description: ArmDescription) -> ArmDescription:
-        """The arm with the part in its hand."""
-        s = self.settings
-        return with_box(description, s.mass, s.size, s.grasp)
-
-    @property
-    def frame_names(self) -> tuple[str, ...]:
-        return HAND, "holder"
-
-    def frames(self, situation: Situation) -> list[Pose]:
-        """Where the hand takes the part; and where the hand would be if the part, held as it is,
-        were where the holder is.
-
-        So a part that was taken a little askew goes into the holder all the same.
-        """
-        hand, part = situation.pose(HAND), situation.pose("part")
-        return [hand, situation.pose("holder").place(part.sees(hand))]
 
     def judge(self, seen: Demonstration, situation: Situation) -> TaskOutcome:
         """Whether the part is in the holder, after the fingers have opened.

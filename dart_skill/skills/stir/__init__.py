@@ -14,24 +14,20 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import ArmDescription, MotionPlan, with_box
+from dart_skill.arm import MotionPlan
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.movement import VelocityThreshold
-from dart_skill.recording import HAND, Demonstration
+from dart_skill.recording import Demonstration
 from dart_skill.skills.protocol import (
     OF_REACTING,
     Planner,
-    Skill,
     SkillSettings,
     SkillWords,
     Solid,
     TaskOutcome,
 )
+from dart_skill.skills.table import WALL, TableSkill
 
-WALL = 0.01
-"""Thickness of the pot [m]."""
-TABLE = (0.9, 1.8, 0.04)
-"""Edges of its top, as viewers show it [m]."""
 FEWEST_SEEN = 20
 """Poses of the spoon in the pot that tell how it was stirred."""
 INNER = 0.5
@@ -115,7 +111,7 @@ class Stirred(NamedTuple):
     middle: np.ndarray
 
 
-class Stir(Skill):
+class Stir(TableSkill):
     """Stir in a pot."""
 
     name = "stir"
@@ -144,21 +140,19 @@ class Stir(Skill):
             lessons=1,
         )
 
-    def check_seen(self, role: str, pose: Pose) -> None:
-        """ValueError if the pot stands where the arm cannot point its hand straight down."""
-        (near, far), away = self.settings.reach, float(np.hypot(*pose.position[:2]))
-        if role == "pot" and not near < away < far:
-            raise ValueError(
-                f"the pot is {away:.2f} m from the axis of the base: put it between {near:.2f} and"
-                f" {far:.2f} m from there, where the hand can point straight down"
-            )
-
     # its world
 
     @property
     def tip(self) -> Pose:
         """Lower end of the spoon, in its frame."""
         return Pose(np.array([0.0, 0.0, -0.5 * self.settings.size[2]]))
+
+    def tip_in(self, pot: Pose, place: np.ndarray, turn: np.ndarray) -> np.ndarray:
+        """Where the tip is in the frame of a pot, for a place (3,) or (n, 3) [m] of the spoon and
+        its quaternion (4,) or (n, 4).
+        """
+        tip = place + Rotation.from_quat(turn).apply(self.tip.position)
+        return (tip - pot.position) @ pot.rotation
 
     def goal(self, situation: Situation) -> Pose:
         """The middle of the circle."""
@@ -167,39 +161,25 @@ class Stir(Skill):
         return situation.pose("pot").place(Pose(up))
 
     @property
-    def world_settings(self) -> Mapping[str, Any]:
-        s = self.settings
-        return {
-            "size": s.size,
-            "mass": s.mass,
-            "grasp": s.grasp,
-            "depth": s.depth,
-            "clearance": s.inner - 0.5 * max(s.size[:2]),
-            "wall": WALL,
-            "holder": (*s.shown_at, s.table + s.floor),
-        }
+    def clearance(self) -> float:
+        """Between the spoon in the middle of the pot and its wall [m]."""
+        return self.settings.inner - 0.5 * max(self.settings.size[:2])
 
     @property
     def person_settings(self) -> Mapping[str, Any]:
         return {"radius": self.settings.radius}
 
     def draw(self, rng: np.random.Generator, wide: bool = False) -> Situation:
-        """A pot near `shown_at`; wide, with a frequency, and a number of turns."""
-        s = self.settings
-        away, turn = (s.asked_within, s.asked_turn) if wide else (s.shown_within, s.shown_turn)
-        while True:
-            aside = away * rng.uniform(-1.0, 1.0, 2)
-            place = np.array(s.shown_at) + aside
-            if np.hypot(*aside) < away and s.reach[0] < np.hypot(*place) < s.reach[1]:
-                break
-        height = s.table + s.floor + rng.uniform(0.0, s.raised)
-        turned = Rotation.from_rotvec([0.0, 0.0, rng.uniform(-turn, turn)]).as_quat()
-        poses = {"pot": Pose(np.append(place, height), turned)}
+        """See `TableSkill`; wide, with a frequency, and a number of turns."""
+        drawn = super().draw(rng, wide)
         if not wide:
-            return Situation(poses)
-        slowest, fastest = s.asked_frequency
-        numbers = {"frequency": float(rng.uniform(slowest, fastest)), "turns": float(s.turns)}
-        return Situation(poses, numbers)
+            return drawn
+        slowest, fastest = self.settings.asked_frequency
+        numbers = {
+            "frequency": float(rng.uniform(slowest, fastest)),
+            "turns": float(self.settings.turns),
+        }
+        return replace(drawn, numbers=numbers)
 
     def solids(self, role: str) -> Sequence[Solid]:
         s = self.settings
@@ -208,27 +188,7 @@ class Stir(Skill):
             return (Solid("box", (x, y, z)),)
         return (Solid("cup", (s.inner, s.depth, WALL)),)
 
-    def surroundings(self) -> Sequence[Solid]:
-        """The table."""
-        return (Solid("box", TABLE, (0.8, 0.0, self.settings.table - 0.5 * TABLE[2])),)
-
-    def loaded(self, description: ArmDescription) -> ArmDescription:
-        """The arm with the spoon in its hand."""
-        s = self.settings
-        return with_box(description, s.mass, s.size, s.grasp)
-
     # what is learned
-
-    @property
-    def frame_names(self) -> tuple[str, ...]:
-        return HAND, "pot"
-
-    def frames(self, situation: Situation) -> list[Pose]:
-        """Where the hand starts; and where it would be if the spoon, held as it is, were where the
-        pot is.
-        """
-        hand, spoon = situation.pose(HAND), situation.pose("spoon")
-        return [hand, situation.pose("pot").place(spoon.sees(hand))]
 
     def inputs(self, situation: Situation) -> Sequence[float]:
         """None: the representation asks for the numbers by their names."""
@@ -283,9 +243,8 @@ class Stir(Skill):
         ValueError
             If it did not.
         """
-        s, spoon, pot = self.settings, seen.track("spoon"), situation.pose("pot")
-        tip = spoon.position + Rotation.from_quat(spoon.quaternion).apply(self.tip.position)
-        local = (tip - pot.position) @ pot.rotation
+        s, spoon = self.settings, seen.track("spoon")
+        local = self.tip_in(situation.pose("pot"), spoon.position, spoon.quaternion)
         inside = (local[:, 2] < s.depth) & (np.hypot(*local[:, :2].T) < s.inner)
         if inside.sum() < FEWEST_SEEN:
             raise ValueError("the spoon was not seen in the pot")

@@ -23,7 +23,7 @@ LAYERS = (
     {"skills.protocol"},
     {"skills.learning", "arm.check"},
     {"skills.practice"},
-    {"skills.throw"},
+    {"skills.throw", "skills.table"},
     {"skills.darts", "skills.place", "skills.reach", "skills.stir"},
     {"session"},
     {"figures", "view"},
